@@ -1,0 +1,128 @@
+"""Who waits for whom: programs of all heads carried out together.
+
+Each head goes through its moves and stops; a wait lasts until its signal was given. What a head
+loses where it comes to rest for another is the machine's `rest_s`. Complexity O(stops).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.controllers.compiled import compiled
+from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
+from sim.controllers.timing import Error
+
+_DWELL, _WAIT, _SIGNAL, _PASS = (int(kind) for kind in list(StopKind)[:4])
+NEVER = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class HeadRun:
+    """When one head did what."""
+
+    reached: Floats  # (j,) seconds at which it came to each stop; inf: it never did
+    left: Floats  # (j,) and went on
+    by: Ints  # (j,) head whose signal ended a wait for which it stood; -1: it did not stand
+    begin: Floats  # (m,) seconds at which each move began; inf: it never did
+    end: Floats  # (m,)
+    end_s: float  # when it has done all; inf: it never did
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What all heads did."""
+
+    heads: tuple[HeadRun, ...]
+    stuck: tuple[tuple[int, int], ...]  # head and stop of each wait that never ended
+
+
+def carry_out(
+    programs: Sequence[HeadProgram], seconds: Sequence[Floats], error: Sequence[Error],
+    rest_s: float,
+) -> Run:  # fmt: skip
+    """Carry out programs whose moves take so many seconds, (m,) each, with errors of time."""
+    first = np.cumsum([0, *(len(p.stops) + 1 for p in programs)]).astype(np.int64)
+    kind, number, value, work = (np.zeros(first[-1], t) for t in (np.int64, np.int64, float, float))
+    late = [_late(s, e) for s, e in zip(seconds, error, strict=True)]
+    for h, program in enumerate(programs):
+        rows = slice(int(first[h]) + 1, int(first[h + 1]))
+        stops, cumulated = program.stops, np.concatenate([[0.0], np.cumsum(late[h])])
+        places = np.concatenate([[0], stops.before, [len(late[h])]])
+        kind[rows], number[rows], value[rows] = stops.kind, stops.number, stops.value
+        kind[first[h]] = -1  # where it starts
+        work[first[h] : first[h + 1]] = np.diff(cumulated[places])
+    reached, left, by = np.full(first[-1], NEVER), np.full(first[-1], NEVER), np.full(first[-1], -1)
+    given = np.full(int(number.max(initial=0)) + 1, NEVER)
+    giver = np.full(len(given), -1)
+    done = np.zeros(len(programs), np.int64)
+    ends = np.full(len(programs), NEVER)
+    _run(first, kind, number, value, work, rest_s, reached, left, by, given, giver, done, ends)
+    heads = tuple(
+        _head_run(program, late[h], slice(int(first[h]), int(first[h + 1])), reached, left, by,
+                  float(ends[h]))
+        for h, program in enumerate(programs)
+    )  # fmt: skip
+    stuck = [
+        (h, int(done[h]) - 1) for h in range(len(programs)) if done[h] < first[h + 1] - first[h]
+    ]
+    return Run(heads, tuple(stuck))
+
+
+def _late(seconds: Floats, error: Error) -> Floats:
+    return seconds * error.factor + error.stall_s
+
+
+def _head_run(
+    program: HeadProgram, seconds: Floats, rows: slice, reached: Floats, left: Floats, by: Ints,
+    end_s: float,
+) -> HeadRun:  # fmt: skip
+    """Return when the moves of one head began: each so long after the last stop was left."""
+    gone = left[rows]  # the start is the first
+    until = np.concatenate([[0.0], np.cumsum(seconds)])
+    stop = np.searchsorted(program.stops.before, np.arange(len(seconds)), side="right")
+    origin = until[np.concatenate([[0], program.stops.before])][stop]
+    begin = gone[stop] + until[:-1] - origin
+    return HeadRun(reached[rows][1:], gone[1:], by[rows][1:], begin, begin + seconds, end_s)
+
+
+@compiled
+def _run(
+    first: Ints, kind: Ints, number: Ints, value: Floats, work: Floats, rest_s: float,
+    reached: Floats, left: Floats, by: Ints, given: Floats, giver: Ints, done: Ints, ends: Floats,
+) -> None:  # fmt: skip
+    """Carry all heads as far as they go, in place; `done` counts the stops each has passed."""
+    heads = len(done)
+    clock, stopped = np.zeros(heads), np.zeros(heads, np.bool_)
+    moved = True
+    while moved:
+        moved = False
+        for h in range(heads):
+            while first[h] + done[h] < first[h + 1]:
+                j = first[h] + done[h]
+                now = clock[h]
+                reached[j] = now
+                if kind[j] == _WAIT:
+                    ready = given[number[j]] + value[j]
+                    if ready == np.inf:
+                        break
+                    if ready > now:
+                        by[j] = giver[number[j]]
+                        now = ready
+                    stopped[h] = True
+                elif kind[j] == _DWELL:
+                    now += value[j]
+                elif kind[j] == _SIGNAL or kind[j] == _PASS:
+                    given[number[j]], giver[number[j]] = now, h
+                    stopped[h] = stopped[h] or kind[j] == _SIGNAL
+                if work[j] > 0.0 and stopped[h]:
+                    now += rest_s
+                    stopped[h] = False
+                left[j] = now
+                clock[h] = now + work[j]
+                done[h] += 1
+                moved = True
+            if first[h] + done[h] == first[h + 1]:
+                ends[h] = clock[h]

@@ -1,0 +1,133 @@
+"""The programs of finished files, any slicer's or those of several heads.
+
+Reading a file is `decmcts.formats.gcode`'s; what a controller makes of it in time is not.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from decmcts._kernels.motion.blocks import FACTOR
+from decmcts.errors import InputError
+from decmcts.formats.gcode.controller.duration import file_program
+from decmcts.formats.gcode.controller.limits import parameters, state_limits, stated_limits
+from decmcts.print.machine import Machine, MotionLimits
+from decmcts.print.motion import limits_of
+from sim.controllers.heating import Heaters
+from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
+from sim.heads.file import HeadFile, read_head_file
+
+_DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
+LAST = 2  # signals that a head gives at its end: it is done, its end code has run
+_DONE = 1  # the one of them, from the end, that says it is done
+
+
+def programs_of_files(
+    paths: Sequence[Path], machine: Machine, *, heat_s: bool = True
+) -> tuple[HeadProgram, ...]:
+    """Return the program of each file, in the order in which their headers name heads.
+
+    Parameters
+    ----------
+    heat_s : bool
+        Whether heating takes time.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read, or several are not those of one `launch`.
+    """
+    files = [read_head_file(path, machine.words) for path in paths]
+    if len(files) > 1:
+        files = _together(files)
+    given = {sync.number for file in files for sync in file.syncs if sync.signal}
+    index = {number: k for k, number in enumerate(sorted(given))}
+    for file in files:
+        for sync in file.syncs:
+            if sync.number not in index:
+                raise InputError(
+                    f"waits for number {sync.number}, which no file gives", path=file.path,
+                    line=sync.line, advice="name the files of all heads",
+                )  # fmt: skip
+    return tuple(_program(file, machine, index, heat_s=heat_s) for file in files)
+
+
+def _together(files: Sequence[HeadFile]) -> list[HeadFile]:
+    """Return files of several heads in their order; InputError unless they are one `launch`'s."""
+    for file in files:
+        if not file.name:
+            raise InputError(
+                "is not the file of one head of several", path=file.path,
+                advice="name all files of one `launch` and nothing else",
+            )  # fmt: skip
+    found = sorted(files, key=lambda file: file.place)
+    due = [(k + 1, len(files)) for k in range(len(files))]
+    if [file.place for file in found] != due:
+        says = ", ".join(f"{file.name} {file.place[0]} of {file.place[1]}" for file in found)
+        raise InputError(
+            f"these are files {says}", path=found[0].path, advice="name all files of one `launch`"
+        )
+    return found
+
+
+def _program(
+    file: HeadFile, machine: Machine, index: dict[int, int], *, heat_s: bool
+) -> HeadProgram:
+    limits = _limits_for(file, machine)
+    stated = stated_limits(file.lines.text)
+    rows = state_limits(file.track.table, limits.under(stated), stated)
+    moves, line = file_program(file.lines, file.motion, file.track, rows)
+    stops, begins, ends = _stops(file, line, index, heat_s=heat_s)
+    feed = moves.feed * rows[moves.row, FACTOR]
+    rests = moves.rest.copy()
+    inside = stops.before[stops.rests]
+    rests[inside[inside < len(rests)]] = True
+    return HeadProgram(
+        file.name or Path(file.path).name, moves.points, moves.filament, feed,
+        moves.row.astype(np.int64), tuple(limits_of(row) for row in rows), moves.rest,
+        np.cumsum(rests), line.astype(np.int64), stops, begins, ends,
+    )  # fmt: skip
+
+
+def _limits_for(file: HeadFile, machine: Machine) -> MotionLimits:
+    for head in machine.heads:
+        if head.name == file.name:
+            return machine.limits_of(head)
+    return machine.limits
+
+
+def _stops(
+    file: HeadFile, line: np.ndarray[tuple[int], np.dtype[np.int64]], index: dict[int, int], *,
+    heat_s: bool,
+) -> tuple[Stops, int, int | None]:  # fmt: skip
+    """Return what stands between moves, and how many stops are above the print and above its end.
+
+    `line` has the line of each move, from 1.
+    """
+    found = list[tuple[int, int, int, float]]()  # line, kind, number, seconds
+    for sync in file.syncs:
+        kind = (
+            StopKind.WAIT if not sync.signal else StopKind.PASS if sync.moving else StopKind.SIGNAL
+        )
+        found.append((sync.line, kind, index[sync.number], 0.0))
+    heaters = Heaters()
+    for row, code in file.others:
+        if _DWELLS.match(code):
+            given = parameters(code.decode("latin-1"))
+            seconds = max(0.0, given.get("S", given.get("P", 0.0) / 1000.0))
+            found.append((row, StopKind.DWELL, -1, seconds))
+        elif (seconds := heaters.take(code)) > 0.0:
+            found.append((row, StopKind.DWELL, -1, seconds if heat_s else 0.0))
+        elif _RESTS.match(code):
+            found.append((row, StopKind.REST, -1, 0.0))
+    found.sort(key=lambda stop: stop[0])
+    before = np.searchsorted(line, [stop[0] for stop in found]).tolist()
+    stops = stops_of([(n, *stop[1:]) for n, stop in zip(before, found, strict=True)])
+    signals = np.flatnonzero((stops.kind == StopKind.SIGNAL) | (stops.kind == StopKind.PASS))
+    if len(signals) <= LAST:
+        return stops, 0, None
+    return stops, int(signals[0]) + 1, int(signals[-1 - _DONE])

@@ -1,0 +1,138 @@
+"""The programs of a plan whose files are not at hand: its actions, as long as it says.
+
+A plan states paths, feeds and accelerations, but neither retractions nor the feed of travels. So
+an action takes what its motion takes, and the head stands before it for what the plan says it
+takes longer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.machine import MotionLimits
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
+from sim.content.seams import Moved, run_of
+from sim.controllers.motion import QUEUE, profile_of
+from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops, stops_of
+
+HAIR_S = 1e-4  # by which an action may be shorter than the plan says
+Signals = dict[tuple[int, int, int], int]  # head, action and point -> index of a signal
+
+
+def programs_of_plan(document: PlanDocument, queue: int = QUEUE) -> tuple[HeadProgram, ...]:
+    """Return the program of each head of a plan that the judge has passed, or not."""
+    signals = _signals(document.plan.heads)
+    return tuple(_program(document, h, signals, queue) for h in range(len(document.plan.heads)))
+
+
+def _signals(heads: Sequence[HeadActions]) -> Signals:
+    """Return the index of the signal of each place that another head waits for."""
+    found: set[tuple[int, int, int]] = set()
+    for h, head in enumerate(heads):
+        for g, a, p in zip(
+            head.after_head.tolist(), head.after_action.tolist(), head.after_point.tolist(),
+            strict=True,
+        ):  # fmt: skip
+            if g != h:
+                found.add((g, a, _point(heads[g], a, p)))
+    return {place: k for k, place in enumerate(sorted(found))}
+
+
+def _point(head: HeadActions, action: int, point: int) -> int:
+    """Return a point of an action's path, `ACTION_END` for its last."""
+    last = int(head.path_offsets[action + 1] - head.path_offsets[action]) - 1
+    return ACTION_END if point in (ACTION_END, last) else point
+
+
+def _program(document: PlanDocument, h: int, signals: Signals, queue: int) -> HeadProgram:
+    actions, machine = document.plan.heads[h], document.machine
+    limits = machine.limits_of(next(x for x in machine.heads if x.name == actions.head))
+    first, sizes = actions.path_offsets[:-1], np.diff(actions.path_offsets)
+    inner = np.ones(len(actions.path), np.bool_)
+    inner[first[sizes > 0]] = False  # a path begins where the one before it ended
+    action = np.repeat(np.arange(len(actions)), sizes)[inner]
+    feed, filament, rate = _of_prints(document, actions, limits)
+    points = np.concatenate([actions.path[:1], actions.path[inner]])
+    rows, row = _limits(limits, rate[inner])
+    program = HeadProgram(
+        actions.head, points, filament[inner], feed[inner], row, rows,
+        np.diff(action, prepend=-1) != 0, action, np.zeros(len(action), np.int64), stops_of([]),
+    )  # fmt: skip
+    motion = np.zeros(len(actions))
+    np.add.at(motion, action, profile_of(program, queue).seconds)
+    return replace(program, stops=_stops(document, h, signals, action, motion))
+
+
+def _of_prints(
+    document: PlanDocument, actions: HeadActions, limits: MotionLimits
+) -> tuple[Floats, Floats, Floats]:
+    """Return feed, filament and acceleration (NaN: the head's own) of each path's segments, (n,).
+
+    They stand at the point that ends a segment.
+    """
+    contours, n = document.contours, len(actions.path)
+    feed, filament, rate = np.full(n, limits.travel_feed), np.zeros(n), np.full(n, np.nan)
+    said = document.acceleration
+    for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
+        begin, end = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
+        segments = _segments(contours, said, actions, a)
+        if len(segments) == end - begin - 1:  # a wrong path is the judge's to report
+            feed[begin + 1 : end], filament[begin + 1 : end], rate[begin + 1 : end] = segments.T
+    return feed, filament, rate
+
+
+def _segments(contours: Contours, said: Floats | None, actions: HeadActions, action: int) -> Floats:
+    """Return feed, filament and acceleration of the segments of a print action, (k, 3)."""
+    contour, entry = int(actions.contour[action]), int(actions.entry[action])
+    step = -1 if actions.reversed[action] else 1
+    rows = np.arange(contours.offsets[contour] + 1, contours.offsets[contour + 1])
+    feed, filament = contours.feed[rows], contours.extrusion[rows]
+    if entry:
+        run = run_of(contours, Moved(contour, entry, actions.action_path(action)[::step]))
+        if isinstance(run, str):
+            return np.zeros((0, 3))
+        feed, filament = run.feed[1:], run.extrusion[1:]
+        rate = np.full(len(feed), np.nan) if said is None else said[run.rows[1:]]
+    else:
+        rate = np.full(len(rows), np.nan) if said is None else said[rows]
+    return np.column_stack([feed, filament, rate])[::step]
+
+
+def _limits(limits: MotionLimits, rate: Floats) -> tuple[tuple[MotionLimits, ...], Ints]:
+    """Return one set of limits for each acceleration of printing, and which of them hold."""
+    own = np.where(np.nan_to_num(rate) > 0.0, rate, limits.acceleration)
+    kinds, row = np.unique(own, return_inverse=True)
+    return tuple(replace(limits, acceleration=float(k)) for k in kinds), row.astype(np.int64)
+
+
+def _stops(
+    document: PlanDocument, h: int, signals: Signals, action: NDArray[np.int64], motion: Floats
+) -> Stops:
+    """Return what stands between the moves of one head."""
+    actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
+    at_rest = document.machine.release == "action"
+    place = np.searchsorted(action, np.arange(len(actions) + 1))
+    due = actions.end_s - actions.begin_s - motion
+    mine: dict[int, list[tuple[int, int]]] = {}
+    for (g, a, point), number in signals.items():
+        if g == h:
+            mine.setdefault(a, []).append((point, number))
+    for a in range(len(actions)):
+        for edge in actions.after_edges(a):
+            if edge.head != h:
+                other = document.plan.heads[edge.head]
+                key = (edge.head, edge.action, _point(other, edge.action, edge.point))
+                rows.append((int(place[a]), StopKind.WAIT, signals[key], edge.lag_s))
+        if due[a] > HAIR_S:
+            rows.append((int(place[a]), StopKind.DWELL, -1, float(due[a])))
+        for point, number in sorted(mine.get(a, ()), key=lambda x: (x[0] == ACTION_END, x[0])):
+            below = int(place[a + 1]) if point == ACTION_END else int(place[a]) + point
+            stands = at_rest or actions.kind[a] == ActionKind.WAIT
+            kind = StopKind.SIGNAL if stands and point == ACTION_END else StopKind.PASS
+            rows.append((below, kind, number, 0.0))
+    return stops_of(rows)

@@ -1,0 +1,79 @@
+"""What one controller is given: moves, and what stands between them.
+
+A *stop* stands before a move. Behind most kinds the head has come to rest; only a signal in motion
+leaves the moves around it joined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.machine import MotionLimits
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class StopKind(IntEnum):
+    """What a controller does between two moves."""
+
+    DWELL = 0  # `value` seconds
+    WAIT = 1  # until `number` was given, and `value` seconds more
+    SIGNAL = 2  # gives `number`, at rest
+    PASS = 3  # gives `number`, in motion
+    REST = 4  # lets its queue run empty
+
+
+@dataclass(frozen=True, slots=True)
+class Stops:
+    """What stands between the moves of one head, in order."""
+
+    before: Ints  # (j,) number of moves above
+    kind: Ints  # (j,) StopKind
+    number: Ints  # (j,) of WAIT, SIGNAL and PASS: index of a signal, the same for all heads
+    value: Floats  # (j,) seconds of DWELL and WAIT
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @property
+    def rests(self) -> NDArray[np.bool_]:
+        """Whether the head is at rest there, (j,)."""
+        return np.asarray(self.kind != StopKind.PASS)
+
+
+@dataclass(frozen=True, slots=True)
+class HeadProgram:
+    """What one head's controller carries out; move i goes from points[i] to points[i + 1]."""
+
+    name: str
+    points: Floats  # (m + 1, 3) mm
+    filament: Floats  # (m,) mm pushed
+    feed: Floats  # (m,) mm/s; 0: takes no time
+    row: Ints  # (m,) which of `limits` hold
+    limits: tuple[MotionLimits, ...]
+    rest: NDArray[np.bool_]  # (m,) the head is at rest before the move, whatever stands there
+    action: Ints  # (m,) number of the plan's action; of files, of the stretch between two rests
+    line: Ints  # (m,) line of the file, from 1; 0: none
+    stops: Stops
+    begins: int = 0  # stops above which the print has not begun: start code
+    ends: int | None = None  # stops above which it has: below is end code; None: there is none
+
+    @property
+    def rests(self) -> NDArray[np.bool_]:
+        """Whether the head is at rest before each move, (m,)."""
+        rests = self.rest.copy()
+        before = self.stops.before[self.stops.rests]
+        rests[before[before < len(rests)]] = True
+        return rests
+
+
+def stops_of(rows: list[tuple[int, int, int, float]]) -> Stops:
+    """Return stops of rows (before, kind, number, value) in their order."""
+    table = np.array(rows, np.float64).reshape(-1, 4)
+    whole = table[:, :3].astype(np.int64)
+    return Stops(whole[:, 0].copy(), whole[:, 1].copy(), whole[:, 2].copy(), table[:, 3].copy())

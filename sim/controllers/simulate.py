@@ -1,0 +1,257 @@
+"""Files or a plan run as controllers run them, once as they should and as often with errors.
+
+The first run has no error of time; all else that is reported of heads is of that one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from decmcts.print.machine import Head, Machine
+from sim.controllers.adversary import adversaries
+from sim.controllers.carry_out import Run, carry_out
+from sim.controllers.motion import QUEUE, Profile, profile_of
+from sim.controllers.nearness import Contact, Near, course_of, nearness
+from sim.controllers.program import Floats, HeadProgram, StopKind
+from sim.controllers.timing import Error, Timing, draw, no_error
+
+STILL_MM = 1e-6  # filament that is none
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """A head that stood for another."""
+
+    head: int
+    by: int  # whose signal it waited for
+    begin_s: float
+    seconds: float
+    line: int  # of its file, from 1; 0: none
+    action: int  # of its plan, or stretch of its file
+
+
+@dataclass(frozen=True, slots=True)
+class HeadFigures:
+    """What one head did, in seconds of the print."""
+
+    name: str
+    printing_s: float
+    travelling_s: float  # and all other moves
+    waiting_s: float  # for other heads
+    standing_s: float  # dwelling, starting again behind a stop, or with nothing left to do
+    filament_mm: float  # pushed less pulled, start and end code included
+    rests_in_beads: int  # times it came to rest within a bead
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One run."""
+
+    name: str
+    makespan_s: float  # inf: some head waits for ever
+    near: tuple[Near, ...]
+    stuck: tuple[tuple[int, int], ...] = ()  # head and stop
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Contacts of all pairs of heads."""
+        return tuple(contact for near in self.near for contact in near.contacts)
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """What was simulated."""
+
+    programs: tuple[HeadProgram, ...]
+    profiles: tuple[Profile, ...]
+    run: Run  # without errors of time
+    begin_s: float  # when the last head was set up: the print begins
+    heads: tuple[HeadFigures, ...]
+    waits: tuple[Wait, ...]
+    trials: tuple[Trial, ...]  # the first without errors
+
+    @property
+    def makespan_s(self) -> float:
+        """From when all heads are set up until all are done, without errors."""
+        return self.trials[0].makespan_s
+
+    @property
+    def contacts(self) -> int:
+        """How often heads touched, in all trials."""
+        return sum(len(trial.contacts) for trial in self.trials)
+
+    @property
+    def safe(self) -> bool:
+        """Whether no heads touched, and none waits for ever."""
+        return not self.contacts and not any(trial.stuck for trial in self.trials)
+
+
+def simulate(
+    programs: Sequence[HeadProgram], machine: Machine, *, timing: Timing = Timing.NONE,
+    size: float = 0.2, trials: int = 1, seed: int = 0, queue: int = QUEUE,
+    told: Callable[[int, int], None] = lambda _done, _of: None,
+) -> Simulation:  # fmt: skip
+    """Run programs of all heads of a machine together.
+
+    Parameters
+    ----------
+    timing, size, trials, seed
+        Which errors of time, how large (share of the time), how many draws and from which seed.
+        Of `Timing.ADVERSARIAL` there are as many trials as pairs of legs come near, whatever
+        `trials` says.
+    queue : int
+        Moves that a controller plans ahead.
+    told : Callable
+        Called with how many trials are done, and of how many; 0: not known.
+
+    References
+    ----------
+    Timing errors that break central plans: JMD 145(1) 012003.
+    """
+    programs = tuple(programs)
+    heads = [_head_of(machine, program, k) for k, program in enumerate(programs)]
+    profiles = tuple(profile_of(program, queue) for program in programs)
+    rest_s = machine.rest_s if len(programs) > 1 else 0.0
+    seconds = [profile.seconds for profile in profiles]
+
+    def run_with(errors: Sequence[Error]) -> Run:
+        return carry_out(programs, seconds, errors, rest_s)
+
+    errors = [no_error(program) for program in programs]
+    nominal = run_with(errors)
+    found = [_trial("no error", programs, profiles, errors, nominal, machine, heads)]
+    drawn = _errors(programs, nominal, machine, heads, timing, size, trials, seed)
+    expected = trials if timing not in (Timing.NONE, Timing.ADVERSARIAL) else 0
+    for n, (name, errors) in enumerate(drawn, 1):
+        told(n, expected)
+        found.append(_trial(name, programs, profiles, errors, run_with(errors), machine, heads))
+    begin = _begin(programs, nominal)
+    figures = tuple(
+        _figures(nominal, h, program, begin, _end(programs, nominal))
+        for h, program in enumerate(programs)
+    )
+    return Simulation(programs, profiles, nominal, begin, figures, _waits(programs, nominal),
+                      tuple(found))  # fmt: skip
+
+
+def _head_of(machine: Machine, program: HeadProgram, place: int) -> Head:
+    """Return the head that a program is for: by its name, else by its place."""
+    named = [head for head in machine.heads if head.name == program.name]
+    return named[0] if named else machine.heads[min(place, len(machine.heads) - 1)]
+
+
+def _errors(
+    programs: Sequence[HeadProgram], run: Run, machine: Machine, heads: Sequence[Head],
+    timing: Timing, size: float, trials: int, seed: int,
+) -> Iterator[tuple[str, list[Error]]]:  # fmt: skip
+    """Yield the errors of each trial but the first."""
+    if timing == Timing.NONE:
+        return
+    if timing == Timing.ADVERSARIAL:
+        for k, errors in enumerate(adversaries(programs, run, machine, heads), 1):
+            yield f"{timing} {k}", errors
+        return
+    for k in range(trials):
+        streams = np.random.default_rng([seed, k]).spawn(len(programs))
+        yield (
+            f"{timing} {k}",
+            [
+                draw(timing, program, size, rng)
+                for program, rng in zip(programs, streams, strict=True)
+            ],
+        )
+
+
+def _trial(
+    name: str, programs: Sequence[HeadProgram], profiles: Sequence[Profile],
+    errors: Sequence[Error], run: Run, machine: Machine, heads: Sequence[Head],
+) -> Trial:  # fmt: skip
+    courses = [course_of(*each) for each in zip(programs, profiles, errors, run.heads, strict=True)]
+    end = _end(programs, run)
+    begin = _begin(programs, run)
+    until = end if np.isfinite(end) else _last_move(run)
+    return Trial(name, end - begin, nearness(machine, heads, courses, begin, until), run.stuck)
+
+
+def _last_move(run: Run) -> float:
+    """Return when the last head that moves at all comes to rest."""
+    ends = [head.end[np.isfinite(head.end)].max(initial=0.0) for head in run.heads]
+    return float(max(ends, default=0.0))
+
+
+def _begin(programs: Sequence[HeadProgram], run: Run) -> float:
+    """Return when all heads are set up, or a lone file lays its first bead."""
+    found = [
+        float(head.left[program.begins - 1])
+        if program.begins
+        else _of_beads(program, head.begin, 0)
+        for program, head in zip(programs, run.heads, strict=True)
+    ]
+    return max(found, default=0.0)
+
+
+def _end(programs: Sequence[HeadProgram], run: Run) -> float:
+    """Return when all heads are done, or a lone file has laid its last bead."""
+    found = []
+    for program, head in zip(programs, run.heads, strict=True):
+        if program.ends is not None:
+            found.append(float(head.reached[program.ends]))
+        elif program.line.any():
+            found.append(_of_beads(program, head.end, -1))
+        else:
+            found.append(head.end_s)
+    return max(found, default=0.0)
+
+
+def _of_beads(program: HeadProgram, times: Floats, place: int) -> float:
+    """Return the time of the first bead or the last; 0 for the begin of a plan."""
+    beads = np.flatnonzero(_prints(program)) if program.line.any() else []
+    return float(times[beads[place]]) if len(beads) else 0.0
+
+
+def _prints(program: HeadProgram) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return which moves lay a bead, (m,)."""
+    moves = np.linalg.norm(np.diff(program.points, axis=0), axis=1) > 0.0
+    return np.asarray((program.filament > STILL_MM) & moves)
+
+
+def _figures(run: Run, h: int, program: HeadProgram, begin: float, end: float) -> HeadFigures:
+    head, prints = run.heads[h], _prints(program)
+    within = (head.begin >= begin - 1e-9) & (head.end <= end + 1e-9)
+    taken = np.where(within, head.end - head.begin, 0.0)
+    printing, moving = float(taken[prints].sum()), float(taken[~prints].sum())
+    waiting = sum(wait.seconds for wait in _waits_of(program, run, h) if wait.begin_s >= begin)
+    rest = max(0.0, end - begin - printing - moving - waiting)
+    inner = program.rests[1:] & prints[1:] & prints[:-1] & np.equal(
+        program.action[1:], program.action[:-1]
+    )  # fmt: skip
+    stops = program.stops.before[program.stops.rests]
+    stops = stops[(stops > 0) & (stops < len(prints))]
+    inside = np.count_nonzero(prints[stops] & prints[stops - 1]) if program.line.any() else 0
+    count = int(inside) if program.line.any() else int(np.count_nonzero(inner))
+    return HeadFigures(
+        program.name, printing, moving, waiting, rest, float(program.filament.sum()), count
+    )
+
+
+def _waits(programs: Sequence[HeadProgram], run: Run) -> tuple[Wait, ...]:
+    found = [wait for h, program in enumerate(programs) for wait in _waits_of(program, run, h)]
+    return tuple(sorted(found, key=lambda wait: wait.begin_s))
+
+
+def _waits_of(program: HeadProgram, run: Run, h: int) -> list[Wait]:
+    """Return the waits of one head for which it stood."""
+    head, stops = run.heads[h], program.stops
+    rows = np.flatnonzero((stops.kind == StopKind.WAIT) & (head.by >= 0))
+    found = []
+    for j in rows.tolist():
+        move = min(int(stops.before[j]), len(program.line) - 1)
+        seconds = float(head.left[j] - head.reached[j])
+        found.append(
+            Wait(h, int(head.by[j]), float(head.reached[j]), seconds, int(program.line[move]),
+                 int(program.action[move]))
+        )  # fmt: skip
+    return found
