@@ -37,15 +37,15 @@ def _events(simulation: Simulation) -> Iterator[PrintEvent]:
         first_of = dict(zip(program.action[firsts].tolist(), firsts.tolist(), strict=True))
         for j in range(len(program.stops)):
             move = min(int(program.stops.before[j]), len(program.action) - 1)
-            kind, time = int(program.stops.kind[j]), float(run.reached[j]) - zero
+            stop, time = int(program.stops.kind[j]), float(run.reached[j]) - zero
             if not 0.0 <= time < np.inf or move < 0:
                 continue
             place = _at(program.points[program.stops.before[j]])
             line, action = int(program.line[move]), int(program.action[move])
-            if kind == StopKind.WAIT and run.by[j] >= 0:
+            if stop == StopKind.WAIT and run.by[j] >= 0:
                 by = int(run.by[j])
                 yield PrintEvent(EventKind.WAITS, h, time, action, 0, place, by, line)
-            elif kind == StopKind.PASS:
+            elif stop == StopKind.PASS:
                 point = int(program.stops.before[j]) - first_of[action]
                 if point > 0:
                     yield PrintEvent(EventKind.PASSED, h, time, action, point, place, line=line)

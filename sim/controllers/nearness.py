@@ -181,7 +181,7 @@ def _advance(
         over = min(gap - limit, slack + TOUCH_MM)
         if over < 0.0:
             if not inside and n < len(found):
-                found[n, 0], found[n, 2], found[n, 9] = t, np.inf, float(slack < -TOUCH_MM)
+                found[n, 0], found[n, 2], found[n, 9] = t, np.inf, 1.0 if slack < -TOUCH_MM else 0.0
                 n += 1
             inside = True
             if n > 0 and min(gap, slack) < found[n - 1, 2]:

@@ -208,8 +208,8 @@ def _end(programs: Sequence[HeadProgram], run: Run) -> float:
 
 def _of_beads(program: HeadProgram, times: Floats, place: int) -> float:
     """Return the time of the first bead or the last; 0 for the begin of a plan."""
-    beads = np.flatnonzero(_prints(program)) if program.line.any() else []
-    return float(times[beads[place]]) if len(beads) else 0.0
+    beads = np.flatnonzero(_prints(program))
+    return float(times[beads[place]]) if len(beads) and program.line.any() else 0.0
 
 
 def _prints(program: HeadProgram) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
