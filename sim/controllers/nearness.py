@@ -24,7 +24,7 @@ from sim.controllers.timing import Error
 
 CLOSEST_MM = 0.02  # the least distance is found to within this,
 CHART_MM = 0.5  # that of each span of time for charts,
-INSIDE_MM = 0.1  # and that of a contact
+INSIDE_MM = 1.0  # and that of a contact
 TOUCH_MM = 1e-3  # rounding of files: nearer than the limit by more is a contact
 BINS = 400  # spans of time of which the least distance is kept, for charts
 MOST_CONTACTS = 100
@@ -191,8 +191,10 @@ def _advance(
         else:
             inside = False
         k = min(int((t - begin) / max(end - begin, 1e-9) * len(bins)), len(bins) - 1)
-        clear = min(max(over, INSIDE_MM if inside else CLOSEST_MM),
-                    min(max(gap - bins[k], CHART_MM), max(gap - least[0], CLOSEST_MM)))  # fmt: skip
+        clear = INSIDE_MM
+        if not inside:
+            clear = min(max(gap - bins[k], CHART_MM), max(gap - least[0], CLOSEST_MM))
+            clear = min(clear, max(over, CLOSEST_MM))
         bins[k] = min(bins[k], gap)
         t = _later(a, b, i, j, t, clear, fastest)
     return n

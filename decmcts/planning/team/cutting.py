@@ -28,6 +28,7 @@ from decmcts.team.cutting.layout import (
     places_of,
 )
 from decmcts.team.cutting.sweep import sweep_order
+from decmcts.team.engine.first_policies import first_policies_s
 from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
 from decmcts.team.engine.resolve import is_allowed, resolve
@@ -36,6 +37,7 @@ from decmcts.team.engine.space import relation_of
 MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
 ROUNDS = 4  # sweeps that are tried at most
 LATE = 0.1  # of a sweep's time that heads may wait for what is late: all of them for all of it
+GAIN = 0.995  # of the time without cuts: cuts that gain less than the estimates' error are not made
 HOP_MM, SHORT_MM = 3.0, 0.6  # typical travels from piece to piece, to price a cut by
 
 
@@ -71,9 +73,26 @@ def best_sweep(
         may &= ~_kept_whole(problem)
     if not may.any():
         return whole
-    pieces = _swept(problem, seconds, may, cut)
-    found = [each for each in (whole, pieces) if each is not None]
-    return min(found, key=lambda each: each.makespan_s, default=None)
+    return _better(problem, whole, _swept(problem, seconds, may, cut))
+
+
+def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) -> Swept | None:
+    """Return the sweep of pieces if heads end sooner with them, else that of whole contours.
+
+    Both are given the better of their sweep and the first policies: where there are many parts,
+    heads that choose freely among whole contours are often faster than any sweep.
+    """
+    if pieces is None or pieces.problem.whole is None:
+        found = [each for each in (whole, pieces) if each is not None]
+        return min(found, key=lambda each: each.makespan_s, default=None)
+    uncut = _reached(problem, math.inf if whole is None else whole.makespan_s)
+    return pieces if _reached(pieces.problem, pieces.makespan_s) < GAIN * uncut else whole
+
+
+def _reached(problem: PrintProblem, sweep_s: float) -> float:
+    """Return when heads end by their sweep, or by the first policies where that is sooner, s."""
+    team = build_team_problem(problem.job, problem.machine, problem.graph)
+    return min(sweep_s, first_policies_s(team))
 
 
 def _swept(

@@ -18,13 +18,9 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
-from decmcts.team.engine.plans import TUNED, encode
+from decmcts.team.engine.first_policies import first_policies_s
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
-from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.entries import OrderChoices, agreed_job
-
-PUT = 100_000  # contours put to judge one way to enter all loops, about half a second's work
-LEAST = 4  # policies tried at least, the first ones
 
 Ints = NDArray[np.int32]
 
@@ -55,7 +51,7 @@ def lean(
     usual = entered(entry)
     others = [np.zeros_like(entry), *_leaning(job, usual, entries)]
     others = [other for other in others if (other != entry).any()]
-    makespans = [_reached(usual), *(_reached(entered(other)) for other in others)]
+    makespans = [first_policies_s(usual), *(first_policies_s(entered(other)) for other in others)]
     return (entry, *others)[int(np.argmin(makespans))]
 
 
@@ -68,11 +64,3 @@ def _leaning(job: PrintJob, problem: TeamProblem, entries: SeamEntries) -> Itera
     for leans_low in (low, np.ones_like(low), np.zeros_like(low)):
         row = np.lexsort((np.where(leans_low[loop], at, -at), loop))
         yield entries.vertices[row[entries.offsets[:-1]]]
-
-
-def _reached(problem: TeamProblem) -> float:
-    """Return the shortest makespan of the first policies, all heads by the same one."""
-    heads = range(len(problem.machine.heads))
-    count = min(TUNED, max(LEAST, PUT // max(1, len(problem.macro))))
-    plans = [encode(policy, problem.n_macros) for policy in range(count)]
-    return min(resolve(problem, dict.fromkeys(heads, plan), heads).makespan_s for plan in plans)
