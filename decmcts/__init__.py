@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from decmcts.planning.problem.source import Source
     from decmcts.planning.read import read
     from decmcts.planning.result import Figures, Result, Written
+    from decmcts.planning.simulate import Simulated, simulate
     from decmcts.planning.verify import verify
     from decmcts.planning.verifying.held import Held
     from decmcts.print.machine import Machine
@@ -72,6 +73,7 @@ _ROOMS = {
     "decmcts.planning.problem.source": ("Source",),
     "decmcts.planning.read": ("read",),
     "decmcts.planning.result": ("Figures", "Result", "Written"),
+    "decmcts.planning.simulate": ("Simulated", "simulate"),
     "decmcts.planning.verify": ("verify",),
     "decmcts.planning.verifying.held": ("Held",),
     "decmcts.print.machine": ("Machine",),
@@ -88,10 +90,11 @@ __all__ = [
     "Begun", "Certificate", "Cut", "Event", "Fault", "FaultKind", "Figures", "Freedom", "Heads",
     "Held", "Incumbent", "InputError", "Limits", "Machine", "Note", "Objective", "Planner",
     "PlannerName", "ProcessOrder", "Progress", "QcspResult", "Report", "Result", "Rules", "Seam",
-    "Search", "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "TeamSearch",
+    "Search", "Simulated", "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step",
+    "TeamSearch",
     "Verdict", "VerificationError", "Written", "__version__", "bound", "choose_slicer", "launch",
     "load_machine", "plan", "preset_names", "read", "read_qcsp", "read_sop", "sample_path",
-    "solve_qcsp", "solve_sop", "verify",
+    "simulate", "solve_qcsp", "solve_sop", "verify",
 ]  # fmt: skip
 
 

@@ -18,7 +18,6 @@ from agents.messages.kinds import MAX_HEADS
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SECONDS
 from decmcts.formats.files.reading import read_bytes
-from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 
 FORMAT, VERSION = "decmcts-events", 1
@@ -53,10 +52,9 @@ def unpack_event(payload: bytes) -> PrintEvent:
         raise ValueError(f"no event ({error})") from error
 
 
-def write_events(log: EventLog, path: Path | str) -> None:
-    """Write a stream; all of it or nothing."""
-    parts = [header(log.problem, log.heads), *map(pack_event, log.events)]
-    save_text(b"".join(parts), path)
+def stream_of(log: EventLog) -> bytes:
+    """Return a whole stream."""
+    return b"".join([header(log.problem, log.heads), *map(pack_event, log.events)])
 
 
 def read_events(path: Path) -> EventLog:

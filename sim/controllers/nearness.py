@@ -334,3 +334,13 @@ def _to_edge(c: Floats, begin: int, end: int, j: int, x: float, y: float) -> flo
     if length > 0.0:
         share = min(1.0, max(0.0, ((x - c[j, 0]) * ex + (y - c[j, 1]) * ey) / length))
     return float(np.hypot(x - c[j, 0] - share * ex, y - c[j, 1] - share * ey))
+
+
+@compiled
+def positions(course: Course, times: Floats) -> Floats:
+    """Return where a head is at ascending times, (k, 3)."""
+    found, point, i = np.zeros((len(times), 3)), np.zeros(3), 0
+    for k in range(len(times)):
+        i = _follow(course, i, times[k], point)
+        found[k] = point
+    return found

@@ -14,7 +14,7 @@ from decmcts.print.machine import Head, Machine
 from sim.controllers.adversary import adversaries
 from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.motion import QUEUE, Profile, profile_of
-from sim.controllers.nearness import Contact, Near, course_of, nearness
+from sim.controllers.nearness import Contact, Near, course_of, nearness, positions
 from sim.controllers.program import Floats, HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
 
@@ -77,6 +77,15 @@ class Simulation:
     def makespan_s(self) -> float:
         """From when all heads are set up until all are done, without errors."""
         return self.trials[0].makespan_s
+
+    def positions(self, times: Floats) -> tuple[Floats, ...]:
+        """Return where each head is at ascending seconds into the print, (k, 3) each."""
+        return tuple(
+            positions(course_of(program, profile, no_error(program), head), times + self.begin_s)
+            for program, profile, head in zip(
+                self.programs, self.profiles, self.run.heads, strict=True
+            )
+        )
 
     @property
     def contacts(self) -> int:

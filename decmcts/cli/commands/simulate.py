@@ -1,0 +1,262 @@
+"""`decmcts simulate`: finished files, or a plan, run as controllers run them."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from agents.messages.event_stream import stream_of
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.console import err, out, print_json, steps
+from decmcts.errors import InputError
+from decmcts.planning.events import Step
+from decmcts.planning.simulate import Simulated
+from decmcts.planning.simulate import simulate as run
+from decmcts.planning.writing.places import put, refuse_other_suffixes, refuse_unwritable
+from decmcts.print.figures import clock_time
+from sim.controllers.events import events_of
+from sim.controllers.motion import QUEUE
+from sim.controllers.simulate import Trial
+from sim.controllers.timing import Timing
+
+Inputs = Annotated[
+    list[Path],
+    typer.Argument(
+        help="PLAN.json, with or without the files of its heads; the files of all heads; "
+        "or any one G-code file"
+    ),
+]
+TimingOption = Annotated[
+    Timing,
+    typer.Option(
+        rich_help_panel=opt.SEARCH,
+        help="Errors of time; adversarial: the delays that bring heads nearest",
+    ),
+]
+ErrorOption = Annotated[
+    float,
+    typer.Option(
+        "--error", rich_help_panel=opt.SEARCH, metavar="SHARE", min=0.0, max=0.99,
+        help="How large errors are: 0.2 for 20 % of the time",
+    ),
+]  # fmt: skip
+TrialsOption = Annotated[
+    int,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="N", min=1, max=100_000,
+        help="How often errors are drawn",
+    ),
+]  # fmt: skip
+QueueOption = Annotated[
+    int,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="N", min=1, max=100_000,
+        help="Moves that a controller plans ahead",
+    ),
+]  # fmt: skip
+EventsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--events", rich_help_panel=opt.OUTPUT, metavar="FILE",
+        help="Keep what happens without errors as events (docs/events.md)",
+    ),
+]  # fmt: skip
+CsvOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--csv", rich_help_panel=opt.OUTPUT, metavar="FILE",
+        help="Keep where heads are over time",
+    ),
+]  # fmt: skip
+EveryOption = Annotated[
+    float,
+    typer.Option(
+        "--csv-every-s", rich_help_panel=opt.OUTPUT, metavar="S", min=0.001, max=1e6,
+        help="Seconds between two rows of it",
+    ),
+]  # fmt: skip
+RunPictureOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--picture", rich_help_panel=opt.OUTPUT, metavar="FILE",
+        help="Draw what heads do over time, and how near they come: .png or .svg",
+    ),
+]  # fmt: skip
+MOST_ROWS = 2_000_000
+
+
+@app.command()
+def simulate(
+    inputs: Inputs,
+    machine: opt.MachineOption = None,
+    timing: TimingOption = Timing.NONE,
+    error: ErrorOption = 0.2,
+    trials: TrialsOption = 10,
+    seed: opt.SeedOption = 0,
+    queue: QueueOption = QUEUE,
+    events: EventsOption = None,
+    csv: CsvOption = None,
+    csv_every_s: EveryOption = 1.0,
+    picture: RunPictureOption = None,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Run files as their controllers would; exit code 1 if heads touch or wait for ever."""
+    refuse_unwritable([events, csv, picture], *inputs)
+    refuse_other_suffixes(None, None, picture)
+    with steps() as told:
+        found = run(
+            list(inputs), machine, timing=timing, size=error, trials=trials, seed=seed,
+            queue=queue, report=told,
+        )  # fmt: skip
+        if events is not None:
+            told(Step("writing events"))
+            problem = "" if found.plan is None or len(inputs) > 1 else found.plan.problem
+            put(stream_of(events_of(found.simulation, problem)), events)
+        if csv is not None:
+            told(Step("writing where heads are"))
+            put(samples(found, csv_every_s), csv)
+        if picture is not None:
+            from sim.pictures.run_picture import draw_run  # it loads for those who ask
+
+            told(Step("drawing"))
+            draw_run(picture, found.simulation)
+    if as_json:
+        print_json("decmcts-simulation/1", figures(found))
+    else:
+        show(found)
+        for path in (events, csv, picture):
+            if path is not None:
+                out.print(f"wrote {path}", soft_wrap=True)
+    if not found.simulation.safe:
+        raise typer.Exit(1)
+
+
+def samples(found: Simulated, every_s: float) -> bytes:
+    """Return where heads are over time as CSV; InputError for more rows than anyone reads."""
+    simulation = found.simulation
+    end = simulation.makespan_s
+    end = end if math.isfinite(end) else 0.0
+    if end / every_s > MOST_ROWS:
+        raise InputError(
+            f"{end / every_s:,.0f} rows are more than {MOST_ROWS:,}",
+            advice=f"say --csv-every-s {end / MOST_ROWS:.3g} or more",
+        )
+    times = np.arange(0.0, end + every_s / 2, every_s)
+    names = [f"{p.name}_{axis}_mm" for p in simulation.programs for axis in "xyz"]
+    text = io.StringIO()
+    rows = np.column_stack([times, *simulation.positions(times)])
+    np.savetxt(text, rows, "%.3f", ",", header=",".join(["time_s", *names]), comments="")
+    return text.getvalue().encode()
+
+
+def figures(found: Simulated) -> dict[str, Any]:
+    """Return what `--json` prints."""
+    simulation = found.simulation
+    names = [head.name for head in simulation.heads]
+    return {
+        "makespan_s": simulation.makespan_s,
+        "planned_s": found.planned_s,
+        "set_up_s": simulation.begin_s,
+        "safe": simulation.safe,
+        "heads": [
+            {
+                "name": head.name, "printing_s": head.printing_s,
+                "travelling_s": head.travelling_s, "waiting_s": head.waiting_s,
+                "standing_s": head.standing_s, "filament_mm": head.filament_mm,
+                "rests_in_beads": head.rests_in_beads,
+            }
+            for head in simulation.heads
+        ],
+        "waits": [
+            {"head": names[w.head], "by": names[w.by], "begin_s": w.begin_s - simulation.begin_s,
+             "seconds": w.seconds, "line": w.line, "action": w.action}
+            for w in simulation.waits if w.begin_s >= simulation.begin_s
+        ],
+        "trials": [_of_trial(trial, names, simulation.begin_s) for trial in simulation.trials],
+    }  # fmt: skip
+
+
+def _of_trial(trial: Trial, names: list[str], zero: float) -> dict[str, Any]:
+    return {
+        "name": trial.name,
+        "makespan_s": trial.makespan_s,
+        "waits_for_ever": [names[h] for h, _ in trial.stuck],
+        "nearest": [
+            {"heads": [names[h] for h in near.heads], "gap_mm": near.gap_mm,
+             "rail_mm": near.rail_mm, "time_s": near.time_s - zero, "at": near.at}
+            for near in trial.near
+        ],
+        "contacts": [
+            {"heads": [names[h] for h in c.heads], "time_s": c.time_s - zero,
+             "seconds": c.seconds, "gap_mm": c.gap_mm, "at": c.at, "what": c.what}
+            for c in trial.contacts
+        ],
+    }  # fmt: skip
+
+
+def show(found: Simulated) -> None:
+    """Print a table of heads, and how near they came."""
+    simulation = found.simulation
+    end, plan = simulation.makespan_s, found.planned_s
+    ends = clock_time(end) if math.isfinite(end) else "never: heads wait for one another"
+    beside = ""
+    if plan and math.isfinite(end):
+        beside = f", {abs(end - plan) / plan:.2%} {'more' if end > plan else 'less'} than planned"
+    out.print(f"print time {ends}{beside}", soft_wrap=True)
+    if simulation.begin_s > 0.0 and len(simulation.programs) > 1:
+        out.print(f"before it, heads heat and are set up for {clock_time(simulation.begin_s)}")
+    table = Table(show_edge=False, pad_edge=False)
+    for name in ("head", "prints", "travels", "waits", "stands", "filament", "rests in beads"):
+        table.add_column(name, justify="left" if name == "head" else "right")
+    for head in simulation.heads:
+        shares = (head.printing_s, head.travelling_s, head.waiting_s, head.standing_s)
+        table.add_row(
+            head.name, *(f"{share / end:.1%}" if end > 0 else "" for share in shares),
+            f"{head.filament_mm:,.0f} mm", str(head.rests_in_beads),
+        )  # fmt: skip
+    out.print(table)
+    for line in nearest_lines(found):
+        out.print(line, soft_wrap=True)
+
+
+def nearest_lines(found: Simulated) -> list[str]:
+    """Return how near heads came in all trials, longest waits, and what went wrong."""
+    simulation = found.simulation
+    names = [head.name for head in simulation.heads]
+    lines = []
+    for k, pair in enumerate(near.heads for near in simulation.trials[0].near):
+        nearest = min((trial.near[k] for trial in simulation.trials), key=lambda near: near.gap_mm)
+        rail = min(trial.near[k].rail_mm for trial in simulation.trials)
+        which = " and ".join(names[h] for h in pair)
+        if math.isfinite(nearest.gap_mm):
+            lines.append(f"{which}: {nearest.gap_mm:.2f} mm apart at least")
+        if math.isfinite(rail):
+            lines.append(f"{which}: {rail:.2f} mm more than the rail keeps them apart, at least")
+    longest = max(simulation.waits, key=lambda wait: wait.seconds, default=None)
+    if longest is not None and longest.begin_s >= simulation.begin_s:
+        at = clock_time(longest.begin_s - simulation.begin_s)
+        lines.append(
+            f"longest wait: {names[longest.head]} for {names[longest.by]}, "
+            f"{longest.seconds:.1f} s at {at}"
+        )
+    ends = [trial.makespan_s for trial in simulation.trials[1:] if math.isfinite(trial.makespan_s)]
+    if ends:
+        lines.append(
+            f"with errors of time, {len(ends)} times: print time {clock_time(min(ends))} to "
+            f"{clock_time(max(ends))}"
+        )
+    touch = simulation.contacts
+    lines.append(f"{touch} contact{'s' * (touch != 1)} of heads")
+    stuck = {names[h] for trial in simulation.trials for h, _ in trial.stuck}
+    if stuck:
+        lines.append(f"waits for ever: {', '.join(sorted(stuck))}")
+    if touch:
+        err.print("heads touch: these files must not be run together", soft_wrap=True)
+    return lines

@@ -1,0 +1,147 @@
+"""Run finished files, or a plan, as controllers run them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.machines.own_machine import machine_of_text
+from decmcts.formats.plans.plan_json import read_plan
+from decmcts.planning.events import Note, Report, Step, unheard
+from decmcts.print.machine import Machine
+from decmcts.print.plan import PlanDocument
+from sim.controllers.from_files import programs_of_files
+from sim.controllers.from_plan import programs_of_plan
+from sim.controllers.motion import QUEUE
+from sim.controllers.program import HeadProgram
+from sim.controllers.simulate import Simulation
+from sim.controllers.simulate import simulate as run
+from sim.controllers.timing import Timing
+from sim.heads.file import header_of
+
+_USUAL = "dual-gantry"  # of files of several heads, where no machine is named
+OWN_ACTIONS = "the plan's own actions are run; name the files of its heads too to run those"
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """What was run, and what came of it."""
+
+    simulation: Simulation
+    machine: Machine
+    plan: PlanDocument | None  # None: files without a plan
+
+    @property
+    def planned_s(self) -> float | None:
+        """The plan's makespan; None without a plan."""
+        return None if self.plan is None else self.plan.plan.makespan_s
+
+
+def simulate(
+    inputs: Sequence[str | Path], machine: str | Machine | None = None, *,
+    timing: Timing = Timing.NONE, size: float = 0.2, trials: int = 10, seed: int = 0,
+    queue: int = QUEUE, report: Report = unheard,
+) -> Simulated:  # fmt: skip
+    """Run finished G-code, of any slicer or of all heads, or a plan, in simulated controllers.
+
+    Parameters
+    ----------
+    inputs : Sequence[str | Path]
+        A plan.json, with or without the files of its heads; or files of all heads; or any one
+        G-code file.
+    machine : str | Machine | None
+        The printer; None: the plan's, else the one the file names, of several heads
+        `dual-gantry`.
+    timing, size, trials, seed
+        Errors of time, how large they are (0.2: 20 % of the time), how often they are drawn, and
+        from which seed.
+    queue : int
+        Moves that a controller plans ahead.
+    report : Report
+        Told what is done.
+
+    Raises
+    ------
+    InputError
+        When a file cannot be read, or files do not belong together.
+
+    Examples
+    --------
+    >>> from decmcts import sample_path, simulate
+    >>> found = simulate([sample_path("four_nuts.gcode.gz")])
+    >>> round(found.simulation.makespan_s) > 0
+    True
+    """
+    _refuse(size, trials, queue)
+    paths = [Path(each) for each in inputs]
+    plans = [path for path in paths if path.name.endswith((".json", ".json.gz"))]
+    files = [path for path in paths if path not in plans]
+    if len(plans) > 1:
+        raise InputError("one plan can be run, not several", path=plans[1])
+    report(Step("reading"))
+    plan = read_plan(plans[0]) if plans else None
+    chosen = _machine_of(plan, machine, files)
+    programs = _programs(plan, files, chosen, queue, report)
+    report(Step("running"))
+
+    def told(done: int, of: int) -> None:
+        report(Step("running with errors of time", done, of))
+
+    found = run(
+        programs, chosen, timing=timing, size=size, trials=trials, seed=seed, queue=queue,
+        told=told,
+    )  # fmt: skip
+    return Simulated(found, chosen, plan)
+
+
+def _refuse(size: float, trials: int, queue: int) -> None:
+    if not 0.0 <= size < 1.0:
+        raise InputError(f"errors of {size:g} times the time: from 0 to below 1 are possible")
+    if trials < 1:
+        raise InputError(f"{trials} trials are none")
+    if queue < 1:
+        raise InputError(f"a queue of {queue} moves is none")
+
+
+def _machine_of(
+    plan: PlanDocument | None, machine: str | Machine | None, files: Sequence[Path]
+) -> Machine:
+    if plan is not None:
+        if machine is not None:
+            raise InputError(
+                "a plan has its machine", advice="leave --machine out, or run the files alone"
+            )
+        return plan.machine
+    if machine is not None:
+        return machine if isinstance(machine, Machine) else load_machine(machine)
+    if len(files) > 1:
+        return load_machine(_USUAL)
+    if not header_of(load_text(files[0]))[0]:
+        return machine_of_text(load_text(files[0]), files[0])[0]
+    return load_machine(_USUAL)  # and then its other files are missed
+
+
+def _programs(
+    plan: PlanDocument | None, files: Sequence[Path], machine: Machine, queue: int, report: Report
+) -> tuple[HeadProgram, ...]:
+    """Return what each controller is given, in the order of the plan's heads or of the files."""
+    if plan is not None and not files:
+        if len(plan.machine.heads) > 1:
+            report(Note(OWN_ACTIONS))
+        return programs_of_plan(plan, queue)
+    programs = programs_of_files(files, machine)
+    due = [head.name for head in machine.heads] if plan is None else [
+        actions.head for actions in plan.plan.heads
+    ]  # fmt: skip
+    named = [program.name for program in programs]
+    if len(files) > 1 and named != due:
+        raise InputError(
+            f"these are files of heads {', '.join(named)}; "
+            f"{'machine ' + machine.name if plan is None else 'the plan'} has {', '.join(due)}",
+            advice="name the files of all heads, and the machine they are for",
+        )
+    return programs
