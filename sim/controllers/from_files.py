@@ -22,8 +22,6 @@ from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
 from sim.heads.file import HeadFile, read_head_file
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
-LAST = 2  # signals that a head gives at its end: it is done, its end code has run
-_DONE = 1  # the one of them, from the end, that says it is done
 
 
 def programs_of_files(
@@ -127,7 +125,18 @@ def _stops(
     found.sort(key=lambda stop: stop[0])
     before = np.searchsorted(line, [stop[0] for stop in found]).tolist()
     stops = stops_of([(n, *stop[1:]) for n, stop in zip(before, found, strict=True)])
+    return stops, *_print_of(stops)
+
+
+def _print_of(stops: Stops) -> tuple[int, int | None]:
+    """Return how many stops a head's start code has, and how many are above its end code.
+
+    A head first signals that it is set up. Once it has printed all it says so, and its last waits
+    are for the others to be done too: their end code switches off what all may share.
+    """
     signals = np.flatnonzero((stops.kind == StopKind.SIGNAL) | (stops.kind == StopKind.PASS))
-    if len(signals) <= LAST:
-        return stops, 0, None
-    return stops, int(signals[0]) + 1, int(signals[-1 - _DONE])
+    waits = np.flatnonzero(stops.kind == StopKind.WAIT)
+    if not len(signals) or not len(waits):
+        return 0, None
+    done = signals[signals < waits[-1]]
+    return int(signals[0]) + 1, int(done[-1]) if len(done) > 1 else None

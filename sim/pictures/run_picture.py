@@ -93,4 +93,4 @@ def _draw_gaps(axis: Any, simulation: Simulation, names: list[str], minutes: flo
     axis.set_ylim(bottom=0.0)
     axis.grid(alpha=0.3)
     if len(simulation.trials[0].near) < 8:
-        axis.legend(loc="upper right", frameon=False)
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=7, frameon=False)

@@ -73,6 +73,24 @@ def test_the_more_is_cut_the_sooner_a_sweep_ends(source: Path) -> None:
     assert ends[Cut.INSIDE] > 1.05 * ends[Cut.ALL]
 
 
+def test_nothing_is_cut_where_heads_end_sooner_without_any_sweep(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of many small parts heads choose freely: a sweep of pieces must beat that, not a sweep."""
+    problem = load(source, "dual-gantry")
+    pieces = best_sweep(problem, Cut.INSIDE, unheard)
+    assert pieces is not None and pieces.problem.whole is not None
+    policies = {len(problem.job.contours): 0.99 * pieces.makespan_s}
+    monkeypatch.setattr(
+        cutting, "first_policies_s", lambda team: policies.get(len(team.macro), 1e9)
+    )
+    whole = best_sweep(problem, Cut.INSIDE, unheard)
+    assert whole is not None and whole.problem.whole is None
+    policies.clear()
+    again = best_sweep(problem, Cut.INSIDE, unheard)
+    assert again is not None and again.problem.whole is not None
+
+
 @pytest.mark.parametrize(("heads", "wide", "times"), [(4, 600.0, 3.2), (8, 1000.0, 5.5)])
 def test_many_heads_share_one_part(tmp_path: Path, heads: int, wide: float, times: float) -> None:
     """Each has a territory; all print at once nearly all of the time."""

@@ -1,0 +1,134 @@
+"""Plans and their files run in simulated controllers: as the plan says, and safe."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.messages.event_stream import read_events, stream_of
+from decmcts.errors import InputError
+from decmcts.planning.events import unheard
+from decmcts.planning.options import Cut, Rules, TeamSearch
+from decmcts.planning.problem.print_problem import problem_of
+from decmcts.planning.read import read
+from decmcts.planning.result import Result
+from decmcts.planning.simulate import simulate
+from decmcts.planning.team.pipeline import plan_team
+from decmcts.print.print_events import EventKind
+from sim.controllers.events import events_of
+from sim.controllers.timing import Timing
+from sim.experiments.mutants_waits import one_wait_dropped, waits_dropped
+from tests.planning.conftest import Agents
+from tests.prints import slab
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path], Result]:
+    """A slab on two heads: its plan.json and its files."""
+    folder = tmp_path_factory.mktemp("slab")
+    source = slab(folder / "slab.gcode")
+    problem = problem_of(read(source, "dual-gantry"), Rules(), unheard)
+    search = TeamSearch(1.0, cut=Cut.INSIDE)
+    result = Result(plan_team(problem, search, writes=True, agents=Agents()), search)
+    files = list(result.write_gcode(folder / "out").paths)
+    plan = folder / "plan.json"
+    result.write_plan(plan)
+    return plan, files, result
+
+
+def test_files_take_what_the_plan_says(made):
+    """Within 1 %, with a queue of 16 moves and a time model of its own."""
+    plan, files, result = made
+    makespan = result.document.plan.makespan_s
+    for inputs in ([plan], [plan, *files], files):
+        found = simulate(inputs)
+        assert found.simulation.safe
+        assert found.simulation.makespan_s == pytest.approx(makespan, rel=0.01)
+
+
+def test_all_filament_is_pushed(made):
+    """Both heads together push what the contours have."""
+    plan, _, result = made
+    heads = simulate([plan]).simulation.heads
+    due = float(result.document.contours.extrusion.sum())
+    assert sum(head.filament_mm for head in heads) == pytest.approx(due)
+
+
+@pytest.mark.parametrize("timing", list(Timing))
+def test_no_error_of_time_makes_heads_touch(made, timing):
+    """J1 to J5: the order is safe for every timing."""
+    plan, files, _ = made
+    found = simulate([plan, *files], timing=timing, size=0.5, trials=20).simulation
+    assert found.safe
+    assert min(trial.near[0].rail_mm for trial in found.trials) > -1e-3
+
+
+@pytest.mark.parametrize("spoil", [waits_dropped, one_wait_dropped])
+def test_a_plan_without_its_waits_is_seen_to_collide(made, tmp_path, spoil):
+    """The simulator can see what it is there to see."""
+    seen = 0
+    for seed in range(5):
+        plan = json.loads(made[0].read_text())
+        spoil(plan, np.random.default_rng(seed))
+        spoilt = tmp_path / "spoilt.json"
+        spoilt.write_text(json.dumps(plan))
+        found = simulate([spoilt], timing=Timing.ADVERSARIAL).simulation
+        seen += not found.safe
+    assert seen == 5 if spoil is waits_dropped else seen >= 1
+
+
+def test_events_tell_the_actions_of_the_plan(made):
+    """Replanning starts from them."""
+    plan, _, result = made
+    log = events_of(simulate([plan]).simulation, result.document.problem)
+    for h, head in enumerate(result.document.plan.heads):
+        moves = np.flatnonzero(np.diff(head.path_offsets) > 1).tolist()
+        for kind in (EventKind.BEGAN, EventKind.ENDED):
+            told = [e for e in log.events if e.head == h and e.kind == kind]
+            assert [event.action for event in told] == moves
+            at = head.path[head.path_offsets[:-1] if kind == EventKind.BEGAN
+                           else head.path_offsets[1:] - 1]  # fmt: skip
+            assert np.allclose([event.at for event in told], at[moves])
+    assert [e.time_s for e in log.events] == sorted(e.time_s for e in log.events)
+    assert len(stream_of(log)) < 200 * len(log.events)
+
+
+def test_files_that_do_not_belong_together_are_refused(made):
+    plan, files, _ = made
+    for inputs, said in (
+        ([files[0]], "which no file gives"),
+        ([files[0], files[0]], "name all files of one `launch`"),
+        ([plan, plan], "one plan can be run"),
+    ):
+        with pytest.raises(InputError, match=said):
+            simulate(inputs)
+    with pytest.raises(InputError, match="a plan has its machine"):
+        simulate([plan], "dual-gantry")
+
+
+@pytest.mark.parametrize("options", [{"size": 1.0}, {"trials": 0}, {"queue": 0}])
+def test_options_that_mean_nothing_are_refused(made, options):
+    with pytest.raises(InputError):
+        simulate([made[0]], **options)
+
+
+def test_the_command_shows_and_keeps_what_happened(made, tmp_path, capsys):
+    from decmcts.cli.run import run
+
+    plan, files, _ = made
+    kept = [tmp_path / name for name in ("e.events", "where.csv", "run.png")]
+    options = ["--events", str(kept[0]), "--csv", str(kept[1]), "--picture", str(kept[2])]
+    assert run(["simulate", str(plan), *map(str, files), *options]) == 0
+    said = capsys.readouterr().out
+    assert "0 contacts" in said and "than planned" in said
+    assert read_events(kept[0]).heads == ("left", "right")
+    rows = np.loadtxt(kept[1], delimiter=",", skiprows=1)
+    assert np.diff(rows[:, 0]).min() == pytest.approx(1.0)
+    assert kept[2].read_bytes().startswith(b"\x89PNG")
+    assert run(["simulate", str(plan), "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["schema"] == "decmcts-simulation/1" and figures["safe"] is True
+    assert run(["simulate", str(tmp_path / "none.gcode")]) == 2
