@@ -19,7 +19,7 @@ from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.writing.stretches import Stretch, with_stretches
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM
-from decmcts.planning.events import Note, Report, Step, Stop, never, unheard
+from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import crew_started
 from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
 from decmcts.planning.problem.layer_by_layer import with_source_lines
@@ -63,15 +63,17 @@ class Rest:
     source: Source  # it alone, for the heads that live
     left: LeftOut
     broken: tuple[Broken, ...]
-    done: int  # contours of the plan that are printed, or broken off and left
+    done: int  # contours of the plan that are printed, or broken off
+    missing: str = ""  # what no living head can finish, in words
 
     @property
     def lines(self) -> list[str]:
         """A line for whatever is not as the whole print would be."""
-        said = []
+        said = [self.missing] if self.missing else []
         for one in self.broken:
-            end = "its rest is printed" if one.rest else f"{one.missing_mm:.1f} mm of it are missing"
-            end = end if one.rest else end.replace("mm of", "mm at most of")
+            end = f"the last {one.missing_mm:.1f} mm at most of it are missing"
+            if one.rest and not self.left.rows[one.contour]:
+                end = f"its last {one.missing_mm:.1f} mm are printed"
             said.append(f"head {one.head} broke off within contour {one.contour}: {end}")
         return said
 
@@ -122,9 +124,8 @@ def rest_of(
     printed = printed_contours(document, state, broken)
     anew = _written(source, machine, stretches, report)
     anew = replace(anew, job=replace(anew.job, printed=printed))
-    if left.rows.any():
-        report(Note(left.said(document.contours)))
-    return Rest(anew, left, tuple(broken), int(state.done.sum()))
+    missing = left.said(document.contours) if left.rows.any() else ""
+    return Rest(anew, left, tuple(broken), int(state.done.sum()), missing)
 
 
 def _written(
