@@ -23,7 +23,8 @@ from decmcts.planning.events import Step
 from decmcts.planning.options import Cut, Limits, TeamSearch
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places
-from decmcts.planning.replanning.replan import Rest, replan as plan_rest, rest_of, rules_of
+from decmcts.planning.replanning.replan import Rest, rest_of, rules_of
+from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result
 from decmcts.planning.team.outcome import lines_of

@@ -7,10 +7,12 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.launch import launch as launch_agents
 from decmcts.errors import InputError
@@ -24,6 +26,7 @@ from decmcts.planning.launch import crew_started
 from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
 from decmcts.planning.problem.layer_by_layer import with_source_lines
 from decmcts.planning.problem.own_tools import team_problem
+from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
@@ -36,6 +39,7 @@ from decmcts.planning.replanning.rest import (
     left_out,
     printed_contours,
     refuse_other,
+    source_rows,
     stretches_of,
 )
 from decmcts.planning.result import Result
@@ -48,6 +52,8 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.space import able_heads
 from decmcts.team.schedule.joint_plan import schedule
+from sim.faults import Verdict
+from sim.replay.fenced import check_fenced
 
 ROUNDED_MM, ROUNDED_E_MM = 1.5e-3, 1e-4  # of what is written and read back
 HOMES = (
@@ -64,6 +70,8 @@ class Rest:
     left: LeftOut
     broken: tuple[Broken, ...]
     done: int  # contours of the plan that are printed, or broken off
+    whole: Machine  # the machine with all heads
+    fenced: Mapping[str, Point]  # heads that print no more, and where they stand
     missing: str = ""  # what no living head can finish, in words
 
     @property
@@ -105,27 +113,35 @@ def rest_of(
     job = source.job
     refuse_other(document, job)
     broken = broken_beads(document, job, state, left_beads)
-    open_ = ~state.done
-    finished = [stretch for one in broken for stretch in one.rest]
-    open_[[one.contour for one in broken if one.rest]] = True
+    left_open = ~state.done
+    left_open[[one.contour for one in broken if one.rest]] = True
     whole = replace(job, contours=document.contours, acceleration=None)
     machine = living_machine(document.machine, fenced, document.contours)
     able = able_heads(whole, machine).any(axis=1)
-    left = left_out(document, open_, able)
-    rows = np.flatnonzero(open_ & ~left.rows)
-    kept = [one for one in broken if not left.rows[one.contour]]
-    again = {one.contour for one in kept if one.rest}
-    stretches = stretches_of(document, job, [c for c in rows.tolist() if c not in again])
-    stretches += finished if len(kept) == len(broken) else [s for one in kept for s in one.rest]
+    left = left_out(document, left_open, able)
+    stretches = _to_print(document, job, left_open & ~left.rows, broken)
     if not stretches:
         raise InputError(
-            "nothing is left to print" if not left.rows.any() else left.said(document.contours)
+            left.said(document.contours) if left.rows.any() else "nothing is left to print"
         )
-    printed = printed_contours(document, state, broken)
     anew = _written(source, machine, stretches, report)
+    printed = printed_contours(document, state, broken)
     anew = replace(anew, job=replace(anew.job, printed=printed))
     missing = left.said(document.contours) if left.rows.any() else ""
-    return Rest(anew, left, tuple(broken), int(state.done.sum()), missing)
+    return Rest(
+        anew, left, tuple(broken), int(state.done.sum()), document.machine, fenced, missing
+    )  # fmt: skip
+
+
+def _to_print(
+    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], broken: Sequence[Broken]
+) -> list[Stretch]:
+    """Return the stretches of these contours in the order of the source, (n,) `rows`."""
+    begun = {one.contour: one.rest for one in broken if one.rest}
+    found, row_of = list[Stretch](), source_rows(document, job)
+    for c in np.flatnonzero(rows).tolist():
+        found += begun[c] if c in begun else stretches_of(document, job, c, row_of)
+    return sorted(found, key=lambda one: one.of)
 
 
 def _written(
@@ -133,9 +149,8 @@ def _written(
 ) -> Source:
     """Write stretches in the order of their source, and return that as it is read back."""
     report(Step("writing what is left as a print of its own"))
-    by_source = sorted(stretches, key=lambda one: one.of)
-    job, document = with_stretches(source.job, source.document, by_source)
-    folder, n = SlicedFolder(), len(by_source)
+    job, document = with_stretches(source.job, source.document, stretches)
+    folder, n = SlicedFolder(), len(stretches)
     draft = folder.path / "rest.gcode"
     none = DependencyGraph.from_pairs(n, np.empty((0, 2), np.int32))
     lone = parked_above(lone_machine(machine), job.contours)
@@ -200,22 +215,17 @@ def replan(
     heads = len(rest.source.machine.heads)
     if heads == 1:
         search = replace(search, cut=Cut.NONE)
-    with (
-        compilation_told(report) as told, compiling_beside([TEAM], told),
-    ):  # fmt: skip
+    waiting = crew_started(heads) if agents is None else nullcontext(None)
+    with compilation_told(report) as told, compiling_beside([TEAM], told), waiting as crew:
         problem = team_problem(rest.source, rules, told)
         problem = replace(problem, job=_with_notes(problem.job, rest))
-        if agents is not None:
-            planned = plan_team(
-                problem, search, writes=writes, report=told, stop=stop, agents=agents
-            )  # fmt: skip
-            return Result(planned, search)
-        with crew_started(heads) as crew:
-            planned = plan_team(
-                problem, search, writes=writes, report=told, stop=stop,
-                agents=partial(launch_agents, crew=crew),
-            )  # fmt: skip
-            return Result(planned, search)
+        agree = partial(launch_agents, crew=crew) if agents is None else agents
+        planned = plan_team(
+            problem, search, writes=writes, report=told, stop=stop, agents=agree
+        )  # fmt: skip
+        faults = check_fenced(planned.after, rest.whole, rest.fenced)
+        require_passed(Verdict(tuple(faults)))
+        return Result(planned, search)
 
 
 def _with_notes(job: PrintJob, rest: Rest) -> PrintJob:

@@ -71,20 +71,20 @@ def source_rows(document: PlanDocument, job: PrintJob) -> NDArray[np.int64]:
     return np.asarray(job.contours.offsets[of] + np.ceil(pieces.along).astype(np.int64))
 
 
-def stretches_of(document: PlanDocument, job: PrintJob, contours: Sequence[int]) -> list[Stretch]:
-    """Return contours of a plan as stretches; pieces are parted where they hop."""
-    plan, rows, found = document.contours, source_rows(document, job), list[Stretch]()
-    for c in contours:
-        points = slice(int(plan.offsets[c]), int(plan.offsets[c + 1]))
-        of = int(plan.sources[c])
-        begin, end = job.contours.offsets[of : of + 2].tolist()
-        row = rows[points]
-        whole = len(row) == end - begin and int(row[0]) == begin
-        one = Stretch(
-            of, plan.points[points], plan.extrusion[points], plan.feed[points], row, whole
-        )  # fmt: skip
-        found += _parted(one, hops=plan.of is not None)
-    return found
+def stretches_of(
+    document: PlanDocument, job: PrintJob, contour: int, rows: NDArray[np.int64]
+) -> list[Stretch]:
+    """Return a contour of a plan as stretches; a piece is parted where it hops.
+
+    `rows` are those of `source_rows`.
+    """
+    plan, of = document.contours, int(document.contours.sources[contour])
+    points = slice(int(plan.offsets[contour]), int(plan.offsets[contour + 1]))
+    begin, end = job.contours.offsets[of : of + 2].tolist()
+    row = rows[points]
+    whole = len(row) == end - begin and int(row[0]) == begin
+    one = Stretch(of, plan.points[points], plan.extrusion[points], plan.feed[points], row, whole)
+    return _parted(one, hops=plan.of is not None)
 
 
 def _parted(one: Stretch, *, hops: bool) -> list[Stretch]:
