@@ -281,7 +281,8 @@ def _match_start(
 ) -> tuple[int, int]:  # fmt: skip
     """Return the row of `rest` below the set-up, and the line that reaches the park position.
 
-    On the way there the head stays above `over`, the top of what is printed already. Writes what is wrong into `words`.
+    On the way there the head stays above `over`, the top of what is printed already. Writes what
+    is wrong into `words`.
     """
     mode = b"M83" if document.start.relative_e else b"M82"
     due = [*start, b"G90", mode]
