@@ -164,6 +164,9 @@ def _check_content(
             return other
         faults += compare(ours, theirs, match)
         faults += check_contours(document.contours, source.contours)
+    if source is not None and source.printed is not None and document.printed is None:
+        text = "the plan does not say what is printed before it begins"
+        faults.append(Fault(FaultKind.CONTOUR, text))
     if source is not None:
         faults += check_accelerations(document.acceleration, source)
     if machine is not None:

@@ -117,7 +117,7 @@ def rest_of(
     left_open[[one.contour for one in broken if one.rest]] = True
     whole = replace(job, contours=document.contours, acceleration=None)
     machine = living_machine(document.machine, fenced, document.contours)
-    able = able_heads(whole, machine).any(axis=1)
+    able = np.asarray(able_heads(whole, machine).any(axis=1))
     left = left_out(document, left_open, able)
     stretches = _to_print(document, job, left_open & ~left.rows, broken)
     if not stretches:
