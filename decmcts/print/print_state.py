@@ -105,36 +105,45 @@ def state_of_events(document: PlanDocument, log: EventLog) -> PrintState:
 
 
 def _after(state: HeadState, event: PrintEvent, actions: HeadActions) -> HeadState:
-    """Return the state of a head behind one more event."""
-    where = f"head {state.head} at {event.time_s:g} s"
+    """Return the state of a head behind one more event; raises InputError for an absurd one."""
+    _refuse_event(state, event, actions)
+    fails = event.kind is EventKind.FAILED
+    seen = replace(state, at=event.at, clock_s=event.time_s, failed=fails)
+    if event.action == NO_ACTION:
+        return seen
+    if event.kind is EventKind.ENDED:
+        return replace(seen, ended=event.action + 1, begun=False, point=0)
+    before = state.begun and event.action == state.ended
+    begun = before or event.kind in (EventKind.BEGAN, EventKind.PASSED) or event.point > 0
+    return replace(seen, ended=event.action, begun=begun, point=event.point)
+
+
+def _refuse_event(state: HeadState, event: PrintEvent, actions: HeadActions) -> None:
+    """Raise InputError for an event that cannot come behind this state of its head."""
+    where, k = f"head {state.head} at {event.time_s:g} s", event.action
     if event.time_s < state.clock_s:
         raise InputError(f"{where}: an event before the one at {state.clock_s:g} s")
     if state.failed:
         raise InputError(f"{where}: an event of a head that has failed")
-    seen = replace(
-        state, at=event.at, clock_s=event.time_s, failed=event.kind is EventKind.FAILED
-    )  # fmt: skip
-    if event.action == NO_ACTION:
-        return seen
-    count, size = len(actions), 0
-    if event.action < count:
-        size = len(actions.action_path(event.action))
-    if event.action >= count or event.point >= max(size, 1):
+    if k == NO_ACTION:
+        return
+    size = len(actions.action_path(k)) if k < len(actions) else 0
+    if k >= len(actions) or event.point >= max(size, 1):
         raise InputError(
-            f"{where}: action {event.action}, point {event.point}; the plan has {count} actions, "
+            f"{where}: action {k}, point {event.point}; the plan has {len(actions)} actions, "
             f"and this one {size} points"
         )
-    if event.action < state.ended:
-        raise InputError(f"{where}: action {event.action} again, which has ended")
-    if event.kind is EventKind.ENDED:
-        return replace(seen, ended=event.action + 1, begun=False, point=0)
-    anew = event.action > state.ended
-    if not anew and event.point < state.point:
+    if k < state.ended:
+        raise InputError(f"{where}: action {k} again, which has ended")
+    skipped = np.flatnonzero(actions.kind[state.ended : k] == ActionKind.PRINT)
+    if len(skipped):
+        raise InputError(
+            f"{where}: action {k}, and no event says that action "
+            f"{state.ended + int(skipped[0])}, a bead, has ended",
+            advice="name all events of the print, none left out",
+        )
+    if k == state.ended and event.kind is not EventKind.ENDED and event.point < state.point:
         raise InputError(f"{where}: point {event.point} behind point {state.point}")
-    begun = event.kind is not EventKind.WAITS and (
-        event.kind is not EventKind.FAILED or event.point > 0 or (state.begun and not anew)
-    )
-    return replace(seen, ended=event.action, begun=begun, point=event.point)
 
 
 def _is_broken(state: HeadState, actions: HeadActions) -> bool:

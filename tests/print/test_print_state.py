@@ -74,6 +74,12 @@ def added(*event: object, **more: object) -> Change:
         (added(EventKind.PASSED, 0, 1e6, 3, 10**6), "point 1000000"),
         (added(EventKind.ENDED, 0, 1.0, 3), "before the one at"),
         (added(EventKind.BEGAN, 0, 1e6, 0), "again, which has ended"),
+        (
+            lambda log, m: replace(
+                log, events=tuple(e for e in log.events if (e.head, e.action) != (0, 3))
+            ),
+            "no event says that action 3, a bead, has ended",
+        ),
         (lambda log, m: replace(log, events=log.events[: len(log.events) // 2]), ""),
         (
             lambda log, m: replace(

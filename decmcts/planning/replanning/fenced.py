@@ -32,7 +32,8 @@ def fenced_places(
         For heads the machine has not, places that are none, and where no place is known.
     """
     parks = {head.name: head.park for head in machine.heads}
-    last = {head.head: head.at or parks[head.head] for head in state.heads} if seen else {}
+    last = dict(parks) if seen else {}
+    last |= {head.head: head.at for head in state.heads if seen and head.at is not None}
     places = {name: last[name] for name in state.failed}
     for text in said:
         name, has_place, place = text.partition("=")

@@ -218,7 +218,7 @@ def replan(
     waiting = crew_started(heads) if agents is None else nullcontext(None)
     with compilation_told(report) as told, compiling_beside([TEAM], told), waiting as crew:
         problem = team_problem(rest.source, rules, told)
-        problem = replace(problem, job=_with_notes(problem.job, rest))
+        problem = replace(problem, job=_beside_printed(problem.job, rest))
         agree = partial(launch_agents, crew=crew) if agents is None else agents
         planned = plan_team(
             problem, search, writes=writes, report=told, stop=stop, agents=agree
@@ -228,5 +228,7 @@ def replan(
         return Result(planned, search)
 
 
-def _with_notes(job: PrintJob, rest: Rest) -> PrintJob:
-    return replace(job, notes=(*job.notes, *rest.lines, HOMES))
+def _beside_printed(job: PrintJob, rest: Rest) -> PrintJob:
+    """Return the job with what is not as in the whole print; a safe order made anew has lost it."""
+    printed = rest.source.job.printed
+    return replace(job, printed=printed, notes=(*job.notes, *rest.lines, HOMES))
