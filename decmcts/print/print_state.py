@@ -18,6 +18,7 @@ from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
 
 Point = tuple[float, float, float]
+SAME_S = 1e-3  # events so near in time may stand in any order
 NEAR_MM = 0.01  # a nozzle so near to a bead's begin has printed nothing of it
 
 
@@ -106,6 +107,8 @@ def state_of_events(document: PlanDocument, log: EventLog) -> PrintState:
 
 def _after(state: HeadState, event: PrintEvent, actions: HeadActions) -> HeadState:
     """Return the state of a head behind one more event; raises InputError for an absurd one."""
+    if _is_late(state, event):
+        return state
     _refuse_event(state, event, actions)
     fails = event.kind is EventKind.FAILED
     seen = replace(state, at=event.at, clock_s=event.time_s, failed=fails)
@@ -116,6 +119,12 @@ def _after(state: HeadState, event: PrintEvent, actions: HeadActions) -> HeadSta
     before = state.begun and event.action == state.ended
     begun = before or event.kind in (EventKind.BEGAN, EventKind.PASSED) or event.point > 0
     return replace(seen, ended=event.action, begun=begun, point=event.point)
+
+
+def _is_late(state: HeadState, event: PrintEvent) -> bool:
+    """Tell whether an action's end is reported behind the begin of the next, at the same time."""
+    ends = event.kind is EventKind.ENDED and event.action == state.ended - 1
+    return ends and abs(event.time_s - state.clock_s) <= SAME_S
 
 
 def _refuse_event(state: HeadState, event: PrintEvent, actions: HeadActions) -> None:
@@ -135,11 +144,12 @@ def _refuse_event(state: HeadState, event: PrintEvent, actions: HeadActions) -> 
         )
     if k < state.ended:
         raise InputError(f"{where}: action {k} again, which has ended")
-    skipped = np.flatnonzero(actions.kind[state.ended : k] == ActionKind.PRINT)
+    first = state.ended + state.begun  # what had begun has ended when another action begins
+    skipped = np.flatnonzero(actions.kind[first:k] == ActionKind.PRINT)
     if len(skipped):
         raise InputError(
-            f"{where}: action {k}, and no event says that action "
-            f"{state.ended + int(skipped[0])}, a bead, has ended",
+            f"{where}: action {k}, and no event says that action {first + int(skipped[0])}, a "
+            "bead, has ended",
             advice="name all events of the print, none left out",
         )
     if k == state.ended and event.kind is not EventKind.ENDED and event.point < state.point:

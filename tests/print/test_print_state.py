@@ -99,6 +99,19 @@ def test_absurd_streams_are_refused(made: Made, change: Change, what: str) -> No
         state_of_events(made.document, log)
 
 
+def test_an_end_may_stand_behind_the_begin_it_allows(made: Made) -> None:  # noqa: F811
+    """Both happen at once, and times are rounded."""
+    log = log_until(made.document, 1e6)
+    swapped = list(log.events)
+    for k in range(len(swapped) - 1):
+        a, b = swapped[k : k + 2]
+        turns = (a.kind, b.kind) == (EventKind.ENDED, EventKind.BEGAN) and a.head == b.head
+        if turns and b.time_s - a.time_s < 1e-6:
+            swapped[k : k + 2] = b, a
+    assert swapped != list(log.events)
+    assert state_of_events(made.document, replace(log, events=tuple(swapped))).done.all()
+
+
 def test_events_of_a_head_that_failed_are_refused(made: Made) -> None:  # noqa: F811
     """A dead head does nothing more."""
     log = log_until(made.document, 20.0)

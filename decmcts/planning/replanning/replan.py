@@ -121,15 +121,13 @@ def rest_of(
     left = left_out(document, left_open, able)
     stretches = _to_print(document, job, left_open & ~left.rows, broken)
     if not stretches:
-        raise InputError(
-            left.said(document.contours) if left.rows.any() else "nothing is left to print"
-        )
+        raise InputError(left.said(document.contours) or "nothing is left to print")
     anew = _written(source, machine, stretches, report)
     printed = printed_contours(document, state, broken)
     anew = replace(anew, job=replace(anew.job, printed=printed))
-    missing = left.said(document.contours) if left.rows.any() else ""
     return Rest(
-        anew, left, tuple(broken), int(state.done.sum()), document.machine, fenced, missing
+        anew, left, tuple(broken), int(state.done.sum()), document.machine, fenced,
+        left.said(document.contours),
     )  # fmt: skip
 
 

@@ -167,7 +167,9 @@ class LeftOut:
     why: str = ""
 
     def said(self, contours: Contours) -> str:
-        """Return a line on what is missing."""
+        """Return a line on what is missing; empty: nothing is."""
+        if not self.rows.any():
+            return ""
         layers = contours.layer[self.rows] + 1
         first, last = int(layers.min()), int(layers.max())
         where = f"layer {first}" if first == last else f"layers {first} to {last}"
