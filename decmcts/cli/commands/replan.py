@@ -103,11 +103,6 @@ def replan(
     as_json: opt.JsonOption = False,
 ) -> None:
     """Plan the rest of a print that was broken off anew, for the heads that live."""
-    if (events is None) == (layer is None):
-        raise InputError(
-            "what is printed is not known" if events is None else "two states of the print",
-            advice="give --events FILE or --layer N, one of them",
-        )
     if output is None and plan_file is None and not as_json:
         raise InputError("nothing would be written", advice="add -o STEM, --plan FILE or both")
     if is_mesh(source):
@@ -137,6 +132,11 @@ def replan(
 
 def _state(document: PlanDocument, events: Path | None, layer: int | None) -> PrintState:
     """Return what is printed, by events or by layers."""
+    if (events is None) == (layer is None):
+        raise InputError(
+            "what is printed is not known" if events is None else "two states of the print",
+            advice="give --events FILE or --layer N, one of them",
+        )
     if events is None:
         return state_of_layers(document, layer or 0)
     try:

@@ -44,6 +44,7 @@ from decmcts.planning.replanning.rest import (
 )
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import Launch, plan_team
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
@@ -115,20 +116,20 @@ def rest_of(
     broken = broken_beads(document, job, state, left_beads)
     left_open = ~state.done
     left_open[[one.contour for one in broken if one.rest]] = True
-    whole = replace(job, contours=document.contours, acceleration=None)
     machine = living_machine(document.machine, fenced, document.contours)
-    able = np.asarray(able_heads(whole, machine).any(axis=1))
-    left = left_out(document, left_open, able)
+    left = left_out(document, left_open, _able(document, job, machine))
     stretches = _to_print(document, job, left_open & ~left.rows, broken)
     if not stretches:
         raise InputError(left.said(document.contours) or "nothing is left to print")
-    anew = _written(source, machine, stretches, report)
-    printed = printed_contours(document, state, broken)
-    anew = replace(anew, job=replace(anew.job, printed=printed))
-    return Rest(
-        anew, left, tuple(broken), int(state.done.sum()), document.machine, fenced,
-        left.said(document.contours),
-    )  # fmt: skip
+    anew = _written(source, machine, stretches, printed_contours(document, state, broken), report)
+    done, missing = int(state.done.sum()), left.said(document.contours)
+    return Rest(anew, left, tuple(broken), done, document.machine, fenced, missing)
+
+
+def _able(document: PlanDocument, job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
+    """Tell which contours of a plan some head of a machine can print, (n,)."""
+    whole = replace(job, contours=document.contours, acceleration=None)
+    return np.asarray(able_heads(whole, machine).any(axis=1))
 
 
 def _to_print(
@@ -143,9 +144,13 @@ def _to_print(
 
 
 def _written(
-    source: Source, machine: Machine, stretches: Sequence[Stretch], report: Report
-) -> Source:
-    """Write stretches in the order of their source, and return that as it is read back."""
+    source: Source, machine: Machine, stretches: Sequence[Stretch], printed: Contours | None,
+    report: Report,
+) -> Source:  # fmt: skip
+    """Write stretches in the order of their source, and return that as it is read back.
+
+    What is `printed` stands on the bed before it.
+    """
     report(Step("writing what is left as a print of its own"))
     job, document = with_stretches(source.job, source.document, stretches)
     folder, n = SlicedFolder(), len(stretches)
@@ -157,7 +162,7 @@ def _written(
     anew, text = read_gcode(draft)
     _refuse_altered(source, job, anew)
     anew = with_source_lines(anew, job, np.arange(n, dtype=np.int32))
-    anew = replace(anew, name=source.job.name)
+    anew = replace(anew, name=source.job.name, printed=printed)
     return replace(
         source, job=anew, document=text, folder=folder, machine=machine, own_limits=False,
         plate=None,
