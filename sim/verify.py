@@ -49,7 +49,7 @@ from sim.replay.execution import (
     shared_pieces,
     timing_factors,
 )
-from sim.replay.growth import beads_for, moves_of
+from sim.replay.growth import beads_for, beads_there, moves_of
 from sim.replay.material import find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_times
 from sim.replay.shapes import as_material
@@ -164,6 +164,9 @@ def _check_content(
             return other
         faults += compare(ours, theirs, match)
         faults += check_contours(document.contours, source.contours)
+    if source is not None and source.printed is not None and document.printed is None:
+        text = "the plan does not say what is printed before it begins"
+        faults.append(Fault(FaultKind.CONTOUR, text))
     if source is not None:
         faults += check_accelerations(document.acceleration, source)
     if machine is not None:
@@ -294,6 +297,7 @@ def check_material(
     lines: list[str] = []
     for h, actions in enumerate(legs.all_actions[: len(meetings)]):
         moves, owner = moves_of(actions, document.machine.heads[h].park)
+        lines += _into_printed(document, legs, h, moves, owner)
         beads = beads_for(document.contours, legs, order, h)
         beads = as_material(beads, document.machine, PLAN_TOLERANCE_MM)
         counts["moves"] = counts.get("moves", 0) + len(moves)
@@ -316,6 +320,29 @@ def check_material(
             for c in contacts
         ]
     return listed(FaultKind.HEAD_MATERIAL, lines)
+
+
+def _into_printed(
+    document: PlanDocument,
+    legs: Legs,
+    head: int,
+    moves: NDArray[np.float64],
+    owner: NDArray[np.int64],
+) -> list[str]:
+    """Say where a head touches what stands on the bed before the plan begins."""
+    if document.printed is None:
+        return []
+    machine = document.machine
+    beads = as_material(beads_there(document.printed), machine, PLAN_TOLERANCE_MM)
+    contacts = find_contacts(
+        moves, beads, machine.heads[head], clearance_mm=machine.clearance_mm,
+        tolerance_mm=PLAN_TOLERANCE_MM, limit=LIMIT,
+    )  # fmt: skip
+    return [
+        f"{legs.station(head, int(owner[c.move]))}: {c.part} meets what was printed before, which "
+        f"is {c.depth_mm:.3f} mm too high, near {place_of(moves[c.move])}"
+        for c in contacts
+    ]
 
 
 def check_replays(

@@ -125,3 +125,14 @@ def taken(contours: Contours, rows: NDArray[np.int64]) -> Contours:
         feed=contours.feed[point],
         **{name: getattr(contours, name)[rows] for name in PER_CONTOUR},
     )
+
+
+def joined(first: Contours, second: Contours | None) -> Contours:
+    """Return the contours of two prints, one behind the other, none of them as pieces."""
+    if second is None:
+        return first
+    points = ("points", "extrusion", "feed", *PER_CONTOUR)
+    return Contours(
+        offsets=np.concatenate([first.offsets, first.offsets[-1] + second.offsets[1:]]),
+        **{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in points},
+    )

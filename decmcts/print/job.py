@@ -99,6 +99,7 @@ class PrintJob:
     acceleration: NDArray[np.float64] | None = None  # (n_points,) mm/s² set for the segment
     # ending at each point of the contours, NaN where nothing sets it; None: nowhere
     refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause
+    printed: Contours | None = None  # what stands on the bed before anything here is printed
 
     @property
     def accelerations(self) -> NDArray[np.float64]:

@@ -128,3 +128,4 @@ class PlanDocument:
     acceleration: NDArray[np.float64] | None = None
     # (n_points,) mm/s² set for the segment ending at each point of the contours; 0: the head's
     # own; None: it does not say
+    printed: Contours | None = None  # what stands on the bed before the plan begins

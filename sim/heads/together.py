@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
@@ -211,7 +212,8 @@ def _judge_one(
     waits = next((sync.line for sync in file.syncs), 0)
     early = heats_early(file.rest, waits, start)
     file = replace(file, rest=file.rest[early:], others=file.others[early:])
-    low, parked = _match_start(file, document, start, park, words)
+    over = -np.inf if job.printed is None else float(job.printed.top.max())
+    low, parked = _match_start(file, document, start, park, words, over)
     own_end = partial(
         own_of, homes=False, relative_e=document.end.relative_e,
         selected=_selected(job, document.end.tool), all_off=True,
@@ -274,11 +276,13 @@ def _selected(job: PrintJob, tool: int) -> int | None:
 
 
 def _match_start(
-    file: HeadFile, document: GcodeDocument, start: list[bytes], park: Point, words: list[str]
-) -> tuple[int, int]:
+    file: HeadFile, document: GcodeDocument, start: list[bytes], park: Point, words: list[str],
+    over: float,
+) -> tuple[int, int]:  # fmt: skip
     """Return the row of `rest` below the set-up, and the line that reaches the park position.
 
-    Writes what is wrong into `words`.
+    On the way there the head stays above `over`, the top of what is printed already. Writes what
+    is wrong into `words`.
     """
     mode = b"M83" if document.start.relative_e else b"M82"
     due = [*start, b"G90", mode]
@@ -293,11 +297,21 @@ def _match_start(
     while row < len(file.rest) and file.rest[row][1].startswith(b"G92 E"):  # as decmcts writes it
         row += 1
     row += 2  # up, then across
-    parked = file.rest[min(row, len(file.rest)) - 1][0]
-    stands = file.motion.points[file.motion.before[min(parked, len(file.lines))]]
+    parked, stands = _stands(file, row)
+    if stands[2] < over:
+        words.append(f"line {parked}: the head goes to its park through what is printed")
+    if stands[2] > park[2] + SAME_MM and np.abs(stands[:2] - park[:2]).max() <= SAME_MM:
+        row += 1  # and down, where something printed is in between
+        parked, stands = _stands(file, row)
     if np.abs(stands - np.array(park)).max() > SAME_MM:
         words.append(f"line {parked}: the head is not at its park position {park}")
     return min(row, len(file.rest)), parked
+
+
+def _stands(file: HeadFile, row: int) -> tuple[int, NDArray[np.float64]]:
+    """Return the line above a row of `rest`, and where the head stands behind it, (3,) mm."""
+    line = file.rest[min(row, len(file.rest)) - 1][0]
+    return line, file.motion.points[file.motion.before[min(line, len(file.lines))]]
 
 
 def _check_end(file: HeadFile, document: GcodeDocument, begins: int, *, others: bool) -> list[str]:

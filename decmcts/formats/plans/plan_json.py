@@ -33,6 +33,8 @@ from decmcts.formats.plans.plan_contours import (
     contours_from_dicts,
     contours_to_dicts,
 )
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Machine
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
@@ -42,6 +44,7 @@ _READ = (1, 2, 3)
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
 _COOLING = "min_layer_time_s"  # may be left out
 _RULES = "rules"  # likewise
+_PRINTED = "printed"  # likewise
 _CUTS = ("none", "inside", "all")
 _CHOICES = {"process_order": ("keep", "free"), "freedom": ("fixed", "reversible", "seam")}
 _MOST_LAYERS = 2**31
@@ -83,6 +86,9 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
     file.write(_dump(head)[:-1] + b',\n"contours":[')
     rows = contours_to_dicts(document.contours, document.machine, document.acceleration)
     _write_lines(file, rows)
+    if document.printed is not None:
+        file.write(b'],\n"printed":[')
+        _write_lines(file, contours_to_dicts(document.printed, document.machine))
     file.write(b'],\n"precedence":' + _dump(document.precedence.tolist()) + b',\n"heads":[')
     names = [head.head for head in document.plan.heads]
     for number, actions in enumerate(document.plan.heads):
@@ -128,7 +134,7 @@ def read_plan(path: Path | str) -> PlanDocument:
     if type(version) is not int or version not in _READ:
         known = " or ".join(map(str, _READ))
         given.fail("version", f"{shown(version)} is not {known}")
-    given.only(*_KEYS, _COOLING, _RULES)
+    given.only(*_KEYS, _COOLING, _RULES, _PRINTED)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
     tables = given.tables("contours")
     contours = contours_from_dicts(tables, machine)
@@ -142,7 +148,15 @@ def read_plan(path: Path | str) -> PlanDocument:
         given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
         _rules(given.table(_RULES)) if _RULES in given.values else None,
         acceleration_from_dicts(tables, contours),
+        _printed(given, machine),
     )
+
+
+def _printed(given: Fields, machine: Machine) -> Contours | None:
+    """Return what stands on the bed before the plan begins; None: nothing does."""
+    if _PRINTED not in given.values:
+        return None
+    return contours_from_dicts(given.tables(_PRINTED), machine)
 
 
 def _rules(table: Fields) -> OrderRules:

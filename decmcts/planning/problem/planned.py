@@ -61,6 +61,7 @@ def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanD
             weld_limit_s=problem.weld_limit_s,
         ),
         problem.job.accelerations,
+        problem.job.printed,
     )  # fmt: skip
 
 

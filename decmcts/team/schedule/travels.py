@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.engine.joint import UNIT_PRINT
 from decmcts._kernels.engine.routes import Beads, Bends, Rows, travel_levels
+from decmcts._kernels.geometry.travel import HeightField, deposit
 from decmcts._kernels.geometry.walls import Walls
 from decmcts.feasibility.packed_head import pack_contours, pack_head
 from decmcts.feasibility.travel import new_height_field
+from decmcts.print.contours import joined
 from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -46,7 +48,7 @@ def unit_travels(
     What a printing unit gets here means nothing; its path is the contour's. A travel
     that stays bare inside `walls` is not lifted, unless something printed is in its way.
     With `detours` those of one head go round outer walls; several reserve the space of
-    straight travels.
+    straight travels. What is `printed` already is cleared by all of them.
     """
     starts, goals = _starts(order, space), order.target.copy()
     level = np.zeros(len(order.head))  # units that print keep it
@@ -56,11 +58,24 @@ def unit_travels(
     bends = _bends(order, alone, starts, goals)
     units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
     for r, head in enumerate(machine.heads):
-        field = new_height_field(job.contours, clearance_mm=machine.clearance_mm)
+        field = _field(job, machine)
         shape = pack_head(head)
         travel_levels(r, units, starts, goals, bends, beads, field, shape, machine.lift_mm, level)
     np.maximum(level, _hops(job, machine, order, walls, starts, goals, bends), out=level)
     return _paths(starts, goals, bends, level)
+
+
+def _field(job: PrintJob, machine: Machine) -> HeightField:
+    """Return the heights of what stands on the bed before anything is printed."""
+    clearance_mm = machine.clearance_mm
+    field = new_height_field(joined(job.contours, job.printed), clearance_mm=clearance_mm)
+    if job.printed is None:
+        return field
+    there = pack_contours(job.printed, clearance_mm, bead_width=machine.bead_width)
+    for c in range(len(job.printed)):
+        first, last = there.offsets[c], there.offsets[c + 1]
+        deposit(field, there.points, first, last, there.radius[c])
+    return field
 
 
 def _hops(

@@ -71,6 +71,7 @@ from decmcts.print.walls import walls_for
 
 PRIMES_MM = 0.1  # of filament; less primes nothing
 LONGEST_DWELL_S = 600.0  # of one G4
+OVER_PRINTED_MM = 5.0  # above what stands on the bed already, from start code to the park position
 _PRINT, _TRAVEL, _PARK, _WAIT = map(int, ActionKind)  # plain numbers compare faster
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _NAMED_STATE = re.compile(r"M(221|900)(?= ).* T\d", re.I)
@@ -308,14 +309,22 @@ class _HeadFile:
             self._wait(self.index)
         emitter.verbatim(rest)
         self._resume(document.start)
-        x, y, z = park
-        emitter.say(f"G1 Z{z:.3f} F{(emitter.settings.z_feed or 10.0) * 60:.0f}")
+        (x, y, z), z_feed = park, (emitter.settings.z_feed or 10.0) * 60
+        over = max(z, self._over_printed())
+        emitter.say(f"G1 Z{over:.3f} F{z_feed:.0f}")
         emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
+        if over > z:
+            emitter.say(f"G1 Z{z:.3f} F{z_feed:.0f}")
         emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
         if n_heads > 1:
             self._signal(self.index + 1)
             if self.index + 1 < n_heads:
                 self._wait(n_heads)
+
+    def _over_printed(self) -> float:
+        """Return the height at which a head clears what stands on the bed already, mm."""
+        printed = self.job.printed
+        return -np.inf if printed is None else float(printed.top.max()) + OVER_PRINTED_MM
 
     def _resume(self, cursor: Cursor) -> None:
         """Set modes and E as the source has them, after lines of it were left out."""

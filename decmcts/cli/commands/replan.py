@@ -1,0 +1,184 @@
+"""`decmcts replan`: the rest of a print that was broken off, for the heads that live."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agents.messages.event_stream import read_events
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.commands.replay import heads_table
+from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.lines import figures, team_lines
+from decmcts.cli.running import running
+from decmcts.cli.signals import interrupt_stops
+from decmcts.cli.summary import gain_table
+from decmcts.errors import InputError
+from decmcts.formats.mesh import SliceOptions, is_mesh
+from decmcts.formats.plans.plan_json import read_plan
+from decmcts.planning.events import Step
+from decmcts.planning.options import Cut, Limits, TeamSearch
+from decmcts.planning.read import read
+from decmcts.planning.replanning.fenced import fenced_places
+from decmcts.planning.replanning.replan import Rest, rest_of, rules_of
+from decmcts.planning.replanning.replan import replan as plan_rest
+from decmcts.planning.replanning.rest import LeftBeads
+from decmcts.planning.result import Result
+from decmcts.planning.team.outcome import lines_of
+from decmcts.planning.writing.heads import head_files, stem_of
+from decmcts.planning.writing.lines import source_lines
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
+from decmcts.print.plan import PlanDocument
+from decmcts.print.print_state import PrintState, state_of_events, state_of_layers
+
+PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json that was carried out")]
+SourceOption = Annotated[
+    Path,
+    typer.Option(
+        "--source", rich_help_panel=opt.BASICS, metavar="FILE", help="The G-code it was made from"
+    ),
+]
+EventsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--events",
+        rich_help_panel=opt.BASICS,
+        metavar="FILE",
+        help="What happened until then (docs/events.md)",
+    ),
+]
+PrintedOption = Annotated[
+    int | None,
+    typer.Option(
+        "--layer",
+        rich_help_panel=opt.BASICS,
+        metavar="N",
+        help="Layers 1 to N are printed, and nothing above",
+    ),
+]
+FencedOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fenced",
+        rich_help_panel=opt.BASICS,
+        metavar="HEAD[=park|=X,Y,Z]",
+        help="A head that prints no more, and where it stands; may be given more than once",
+    ),
+]
+LeftOption = Annotated[
+    LeftBeads,
+    typer.Option(
+        "--left-beads",
+        rich_help_panel=opt.SEARCH,
+        help="A bead that was broken off is finished from there, or left as it is",
+    ),
+]
+StemOption = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        rich_help_panel=opt.BASICS,
+        metavar="STEM",
+        help="Stem of the G-code files of the rest, one a head",
+    ),
+]
+
+
+@app.command()
+def replan(
+    plan: PlanArgument,
+    source: SourceOption,
+    events: EventsOption = None,
+    layer: PrintedOption = None,
+    fenced: FencedOption = None,
+    left_beads: LeftOption = LeftBeads.LEAVE,
+    output: StemOption = None,
+    plan_file: opt.PlanOption = None,
+    time_limit: opt.TimeOption = 30.0,
+    seed: opt.SeedOption = 0,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Plan the rest of a print that was broken off anew, for the heads that live."""
+    if output is None and plan_file is None and not as_json:
+        raise InputError("nothing would be written", advice="add -o STEM, --plan FILE or both")
+    if is_mesh(source):
+        raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")
+    document = read_plan(plan)
+    stem = None if output is None else stem_of(output)
+    heads = [] if stem is None else head_files(stem, document.machine)
+    also = [plan] if events is None else [plan, events]
+    refuse_unwritable([*heads, plan_file], source, *also)
+    refuse_other_suffixes(plan_file, None, None)
+    state = _state(document, events, layer)
+    places = fenced_places(fenced or [], document.machine, state, seen=events is not None)
+    cut = Cut.NONE if document.rules is None else Cut(document.rules.cut)
+    search = TeamSearch(time_limit, seed, cut=cut)
+    with running(time_limit_s=time_limit, table=heads_table) as (show, stop):
+        found = read(
+            source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=show
+        )  # fmt: skip
+        rest = rest_of(document, found, state, places, left_beads, show)
+        result = plan_rest(
+            rest, search, rules_of(document), writes=stem is not None, report=show, stop=stop
+        )  # fmt: skip
+    paths = _write(result, stem, plan_file)
+    with written():
+        _show(result, rest, document, paths, as_json=as_json)
+
+
+def _state(document: PlanDocument, events: Path | None, layer: int | None) -> PrintState:
+    """Return what is printed, by events or by layers."""
+    if (events is None) == (layer is None):
+        raise InputError(
+            "what is printed is not known" if events is None else "two states of the print",
+            advice="give --events FILE or --layer N, one of them",
+        )
+    if events is None:
+        return state_of_layers(document, layer or 0)
+    try:
+        return state_of_events(document, read_events(events))
+    except InputError as error:
+        raise InputError(error.what, path=events, advice=error.advice) from error
+
+
+def _write(result: Result, stem: Path | None, plan_file: Path | None) -> list[Path]:
+    """Write what was asked for; a first Ctrl-C lets everything be written."""
+    paths = list[Path]()
+    with interrupt_stops(), steps() as told:
+        if stem is not None:
+            told(Step("putting the files of all heads in place"))
+            paths = list(result.write_gcode(stem, report=told).paths)
+        if plan_file is not None:
+            result.write_plan(plan_file)
+            paths.append(plan_file)
+    return paths
+
+
+def _show(
+    result: Result, rest: Rest, document: PlanDocument, paths: list[Path], *, as_json: bool
+) -> None:
+    """Print the summary of the rest."""
+    planned = result.planned
+    live = [head.name for head in planned.problem.machine.heads]
+    whole, left = len(document.contours), int(rest.left.rows.sum())
+    if as_json:
+        state = {
+            "contours": whole, "printed": rest.done, "left_out": left,
+            "broken_off": len(rest.broken), "heads": live,
+        }  # fmt: skip
+        print_json("decmcts-result/1", {**figures(result, paths), "replanned": state})
+        return
+    before, after = planned.before.metrics, planned.after.metrics
+    for note in (*source_lines(planned.problem.job), *lines_of(after["team"])):
+        err.print(note, soft_wrap=True)
+    said = f"{whole} contours: {rest.done} printed or begun, {left} left out; the rest is for "
+    out.print(f"{rest.source.path.name}, {said}{', '.join(live)}", soft_wrap=True)
+    out.print(gain_table(before, after, verbose=False))
+    for line in team_lines(after, [head.head for head in result.document.plan.heads]):
+        out.print(line, soft_wrap=True)
+    for path in paths:
+        out.print(f"wrote {path}", soft_wrap=True)

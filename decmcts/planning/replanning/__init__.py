@@ -1,0 +1,1 @@
+"""A print that was broken off: what is left of it, and who prints it."""

@@ -1,0 +1,68 @@
+"""Heads that print no more: which these are, and where they stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from decmcts.errors import InputError
+from decmcts.formats.files.bounds import LARGEST_MM
+from decmcts.print.machine import Machine
+from decmcts.print.print_state import Point, PrintState
+
+PARKED = "park"
+
+
+def fenced_places(
+    said: Sequence[str], machine: Machine, state: PrintState, *, seen: bool
+) -> dict[str, Point]:
+    """Return the heads that print no more, and where each stands.
+
+    Parameters
+    ----------
+    said : Sequence[str]
+        Heads as ``NAME``, ``NAME=park`` or ``NAME=X,Y,Z``. Those that failed by the events need
+        not be named; where they stand now may be.
+    seen : bool
+        Whether events say where heads are; one that no event is of is still parked.
+
+    Raises
+    ------
+    InputError
+        For heads the machine has not, places that are none, and where no place is known.
+    """
+    parks = {head.name: head.park for head in machine.heads}
+    last = dict(parks) if seen else {}
+    last |= {head.head: head.at for head in state.heads if seen and head.at is not None}
+    places = {name: last[name] for name in state.failed}
+    for text in said:
+        name, has_place, place = text.partition("=")
+        if name not in parks:
+            raise InputError(
+                f"--fenced {text}: the machine has no head {name!r}",
+                advice=f"its heads are {', '.join(parks)}",
+            )
+        if has_place:
+            places[name] = parks[name] if place == PARKED else _point(text, place)
+        elif name in last:
+            places[name] = last[name]
+        else:
+            raise InputError(
+                f"--fenced {text}: no event says where head {name} stands",
+                advice=f"name the place: --fenced {name}=park or --fenced {name}=X,Y,Z",
+            )
+    return places
+
+
+def _point(text: str, place: str) -> Point:
+    """Return coordinates as a place, mm."""
+    try:
+        x, y, z = map(float, place.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(abs(v) <= LARGEST_MM for v in (x, y, z)):
+        raise InputError(
+            f"--fenced {text}: {place!r} is no place",
+            advice=f"give park, or three numbers X,Y,Z within ±{LARGEST_MM:g} mm",
+        )
+    return x, y, z

@@ -1,0 +1,237 @@
+"""The rest of a print that was broken off, planned anew for the heads that live.
+
+The rest is written as a source of its own, read back, and planned in its place as any source is;
+what is printed stands on the bed from the beginning: all travels clear it, and the judge looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.launch import launch as launch_agents
+from decmcts.errors import InputError
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.gcode import read_gcode, write_gcode
+from decmcts.formats.gcode.writing.stretches import Stretch, with_stretches
+from decmcts.planning.compiling.child import compilation_told, compiling_beside
+from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.events import Report, Step, Stop, never, unheard
+from decmcts.planning.launch import crew_started
+from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
+from decmcts.planning.problem.layer_by_layer import with_source_lines
+from decmcts.planning.problem.own_tools import team_problem
+from decmcts.planning.problem.planned import require_passed
+from decmcts.planning.problem.print_problem import parked_above
+from decmcts.planning.problem.slicing import SlicedFolder
+from decmcts.planning.problem.source import Source
+from decmcts.planning.replanning.living import living_machine
+from decmcts.planning.replanning.rest import (
+    Broken,
+    LeftBeads,
+    LeftOut,
+    broken_beads,
+    left_out,
+    printed_contours,
+    refuse_other,
+    source_rows,
+    stretches_of,
+)
+from decmcts.planning.result import Result
+from decmcts.planning.team.pipeline import Launch, plan_team
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import PlanDocument
+from decmcts.print.print_state import Point, PrintState
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.engine.space import able_heads
+from decmcts.team.schedule.joint_plan import schedule
+from sim.faults import Verdict
+from sim.replay.fenced import check_fenced
+
+ROUNDED_MM, ROUNDED_E_MM = 1.5e-3, 1e-4  # of what is written and read back
+HOMES = (
+    "the start code is run once more: see that it neither homes over what is printed nor drives "
+    "into it"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What is left of a print, ready to be planned."""
+
+    source: Source  # it alone, for the heads that live
+    left: LeftOut
+    broken: tuple[Broken, ...]
+    done: int  # contours of the plan that are printed, or broken off
+    whole: Machine  # the machine with all heads
+    fenced: Mapping[str, Point]  # heads that print no more, and where they stand
+    missing: str = ""  # what no living head can finish, in words
+
+    @property
+    def lines(self) -> list[str]:
+        """A line for whatever is not as the whole print would be."""
+        said = [self.missing] if self.missing else []
+        for one in self.broken:
+            end = f"the last {one.missing_mm:.1f} mm at most of it are missing"
+            if one.rest and not self.left.rows[one.contour]:
+                end = f"its last {one.missing_mm:.1f} mm are printed"
+            said.append(f"head {one.head} broke off within contour {one.contour}: {end}")
+        return said
+
+
+def rest_of(
+    document: PlanDocument,
+    source: Source,
+    state: PrintState,
+    fenced: Mapping[str, Point],
+    left_beads: LeftBeads = LeftBeads.LEAVE,
+    report: Report = unheard,
+) -> Rest:
+    """Return what is left of a print.
+
+    Parameters
+    ----------
+    document : PlanDocument
+        The plan that was carried out.
+    source : Source
+        The print it was made from.
+    fenced : Mapping[str, Point]
+        Heads that print no more, and where they stand.
+
+    Raises
+    ------
+    InputError
+        For another source, where no head lives, and where nothing is left that one can print.
+    """
+    job = source.job
+    refuse_other(document, job)
+    broken = broken_beads(document, job, state, left_beads)
+    left_open = ~state.done
+    left_open[[one.contour for one in broken if one.rest]] = True
+    machine = living_machine(document.machine, fenced, document.contours)
+    left = left_out(document, left_open, _able(document, job, machine))
+    stretches = _to_print(document, job, left_open & ~left.rows, broken)
+    if not stretches:
+        raise InputError(left.said(document.contours) or "nothing is left to print")
+    anew = _written(source, machine, stretches, printed_contours(document, state, broken), report)
+    done, missing = int(state.done.sum()), left.said(document.contours)
+    return Rest(anew, left, tuple(broken), done, document.machine, fenced, missing)
+
+
+def _able(document: PlanDocument, job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
+    """Tell which contours of a plan some head of a machine can print, (n,)."""
+    whole = replace(job, contours=document.contours, acceleration=None)
+    return np.asarray(able_heads(whole, machine).any(axis=1))
+
+
+def _to_print(
+    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], broken: Sequence[Broken]
+) -> list[Stretch]:
+    """Return the stretches of these contours in the order of the source, (n,) `rows`."""
+    begun = {one.contour: one.rest for one in broken if one.rest}
+    found, row_of = list[Stretch](), source_rows(document, job)
+    for c in np.flatnonzero(rows).tolist():
+        found += begun[c] if c in begun else stretches_of(document, job, c, row_of)
+    return sorted(found, key=lambda one: one.of)
+
+
+def _written(
+    source: Source, machine: Machine, stretches: Sequence[Stretch], printed: Contours | None,
+    report: Report,
+) -> Source:  # fmt: skip
+    """Write stretches in the order of their source, and return that as it is read back.
+
+    What is `printed` stands on the bed before it.
+    """
+    report(Step("writing what is left as a print of its own"))
+    job, document = with_stretches(source.job, source.document, stretches)
+    folder, n = SlicedFolder(), len(stretches)
+    draft = folder.path / "rest.gcode"
+    none = DependencyGraph.from_pairs(n, np.empty((0, 2), np.int32))
+    lone = parked_above(lone_machine(machine), job.contours)
+    plan = schedule(job, lone, none, [Toolpath.as_sliced(n)])
+    write_gcode(document, job, plan.heads[0], draft)
+    anew, text = read_gcode(draft)
+    _refuse_altered(source, job, anew)
+    anew = with_source_lines(anew, job, np.arange(n, dtype=np.int32))
+    anew = replace(anew, name=source.job.name, printed=printed)
+    return replace(
+        source, job=anew, document=text, folder=folder, machine=machine, own_limits=False,
+        plate=None,
+    )  # fmt: skip
+
+
+def _refuse_altered(source: Source, due: PrintJob, found: PrintJob) -> None:
+    """Raise InputError unless what was read back is what was to be written."""
+    same = np.array_equal(due.contours.offsets, found.contours.offsets)
+    if same:
+        off = np.abs(due.contours.points - found.contours.points).max(initial=0.0)
+        more = np.abs(due.contours.extrusion - found.contours.extrusion).max(initial=0.0)
+        same = off <= ROUNDED_MM and more <= ROUNDED_E_MM
+    if not same:
+        raise InputError(
+            "what is left reads as other contours once it is written, so it is not planned",
+            path=source.path, advice="report this with the plan and its source",
+        )  # fmt: skip
+
+
+def rules_of(document: PlanDocument) -> Rules:
+    """Return the rules a plan was made by."""
+    made = document.rules
+    if made is None:
+        return Rules()
+    return Rules(
+        ProcessOrder(made.process_order), made.quality, document.min_layer_time_s,
+        made.max_layers_ahead, Freedom(made.freedom),
+    )  # fmt: skip
+
+
+def replan(
+    rest: Rest,
+    search: TeamSearch,
+    rules: Rules,
+    *,
+    writes: bool = True,
+    report: Report = unheard,
+    stop: Stop = never,
+    agents: Launch | None = None,
+) -> Result:
+    """Plan what is left for the heads that live, and have it judged.
+
+    `agents` stands for the heads' processes in a test.
+
+    Raises
+    ------
+    InputError
+        When the rest cannot be planned.
+    VerificationError
+        When the judge refuses the plan; nothing of it is written then.
+    """
+    heads = len(rest.source.machine.heads)
+    if heads == 1:
+        search = replace(search, cut=Cut.NONE)
+    waiting = crew_started(heads) if agents is None else nullcontext(None)
+    with compilation_told(report) as told, compiling_beside([TEAM], told), waiting as crew:
+        problem = team_problem(rest.source, rules, told)
+        problem = replace(problem, job=_beside_printed(problem.job, rest))
+        agree = partial(launch_agents, crew=crew) if agents is None else agents
+        planned = plan_team(
+            problem, search, writes=writes, report=told, stop=stop, agents=agree
+        )  # fmt: skip
+        faults = check_fenced(planned.after, rest.whole, rest.fenced)
+        require_passed(Verdict(tuple(faults)))
+        return Result(planned, search)
+
+
+def _beside_printed(job: PrintJob, rest: Rest) -> PrintJob:
+    """Return the job with what is not as in the whole print; a safe order made anew has lost it."""
+    printed = rest.source.job.printed
+    return replace(job, printed=printed, notes=(*job.notes, *rest.lines, HOMES))

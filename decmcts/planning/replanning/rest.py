@@ -1,0 +1,235 @@
+"""What is left of a print: stretches to print, and material that stands on the bed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.geometry.loops import Rotated
+from decmcts.errors import InputError
+from decmcts.formats.gcode.writing.stretches import Stretch
+from decmcts.print.contours import Contours, joined, taken
+from decmcts.print.cut import LEAST_MM
+from decmcts.print.job import PrintJob
+from decmcts.print.loops import traversal
+from decmcts.print.plan import PlanDocument
+from decmcts.print.print_state import PrintState, length_of, rest_of_line
+from sim.content.pieces import parted_source
+
+GRID = 3  # decimals of a file
+
+
+class LeftBeads(StrEnum):
+    """What becomes of a bead that was broken off."""
+
+    FINISH = "finish"  # its rest is printed
+    LEAVE = "leave"  # it counts as printed
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """A bead that was broken off."""
+
+    head: str
+    contour: int  # of the plan
+    missing_mm: float  # at most, of its path
+    rest: tuple[Stretch, ...] = ()  # what is printed of it yet; none: it is left
+
+
+def refuse_other(document: PlanDocument, job: PrintJob) -> None:
+    """Raise InputError where the source is not the print of a plan."""
+    ours, theirs = document.contours, job.contours
+    cut = "none" if document.rules is None else document.rules.cut
+    if ours.of is None:
+        same = np.array_equal(ours.offsets, theirs.offsets)
+        same = same and np.array_equal(ours.points, theirs.points)
+        same = same and np.array_equal(ours.extrusion, theirs.extrusion)
+        same = same and np.array_equal(ours.tool, theirs.tool)
+    else:
+        same = len(theirs) == int(ours.sources.max(initial=-1)) + 1
+        same = same and not parted_source(ours, job, cut).faults
+    if not same:
+        raise InputError(
+            f"the source is not the print of this plan ({len(theirs)} contours; the plan has "
+            f"{len(np.unique(ours.sources))})",
+            advice="name the file that was planned, unchanged; plans of prints that were made safe "
+            "or whose tower was left out cannot be replanned yet",
+        )
+
+
+def source_rows(document: PlanDocument, job: PrintJob) -> NDArray[np.int64]:
+    """Return the point of the source whose segment each point of the plan is a part of."""
+    pieces = document.contours
+    if pieces.along is None:
+        return np.arange(len(pieces.points))
+    of = np.repeat(pieces.sources, np.diff(pieces.offsets))
+    return np.asarray(job.contours.offsets[of] + np.ceil(pieces.along).astype(np.int64))
+
+
+def stretches_of(
+    document: PlanDocument, job: PrintJob, contour: int, rows: NDArray[np.int64]
+) -> list[Stretch]:
+    """Return a contour of a plan as stretches; a piece is parted where it hops.
+
+    `rows` are those of `source_rows`.
+    """
+    plan, of = document.contours, int(document.contours.sources[contour])
+    points = slice(int(plan.offsets[contour]), int(plan.offsets[contour + 1]))
+    begin, end = job.contours.offsets[of : of + 2].tolist()
+    row = rows[points]
+    whole = len(row) == end - begin and int(row[0]) == begin
+    one = Stretch(of, plan.points[points], plan.extrusion[points], plan.feed[points], row, whole)
+    return _parted(one, hops=plan.of is not None)
+
+
+def _parted(one: Stretch, *, hops: bool) -> list[Stretch]:
+    """Return what is printed of a stretch that may hop."""
+    laid = np.flatnonzero(one.extrusion[1:] == 0.0) + 1 if hops else np.empty(0, np.int64)
+    if not len(laid):
+        return [one]
+    ends, found = [0, *laid.tolist(), len(one.points)], list[Stretch]()
+    for a, b in pairwise(ends):
+        extrusion, feed = one.extrusion[a:b].copy(), one.feed[a:b].copy()
+        extrusion[0] = feed[0] = 0.0
+        found.append(
+            replace(
+                one, points=one.points[a:b], extrusion=extrusion, feed=feed, row=one.row[a:b],
+                whole=False,
+            )
+        )  # fmt: skip
+    return [part for part in found if len(part.points) > 1]
+
+
+def broken_beads(
+    document: PlanDocument, job: PrintJob, state: PrintState, left: LeftBeads
+) -> list[Broken]:
+    """Return the beads that were broken off; those to be finished with what is missing.
+
+    A bead is finished where its head has failed, which says where; how far other heads came
+    within a bead no event tells, so theirs are left.
+    """
+    found = []
+    for h, k in state.broken:
+        actions, head = document.plan.heads[h], state.heads[h]
+        contour, path = int(actions.contour[k]), actions.action_path(k)
+        known = head.at if head.is_exact else None
+        place = (head.point, 0.0) if known is None else rest_of_line(path, head.point, known)
+        missing, rest = _missing(path, *place), list[Stretch]()
+        if left is LeftBeads.FINISH and known is not None and missing > LEAST_MM:
+            way = traversal(document.contours, contour, int(actions.entry[k]))
+            of, rows = int(document.contours.sources[contour]), source_rows(document, job)
+            one = _behind(way, place, of, rows[way.rows], reverse=bool(actions.reversed[k]))
+            rest = _parted(one, hops=document.contours.of is not None)
+        found.append(Broken(head.head, contour, missing, tuple(rest)))
+    return found
+
+
+def _missing(path: NDArray[np.float64], point: int, share: float) -> float:
+    """Return the length of a path behind a place on it, mm."""
+    if point + 1 >= len(path):
+        return 0.0
+    return length_of(path[point:]) - share * length_of(path[point : point + 2])
+
+
+def _behind(
+    way: Rotated, place: tuple[int, float], of: int, row: NDArray[np.int64], *, reverse: bool
+) -> Stretch:
+    """Return what of a bead lies behind a place on it; it runs as its source does."""
+    step = -1 if reverse else 1
+    (point, share), points = place, way.points[::step]
+    at = points[point] + share * (points[point + 1] - points[point])
+    points = np.concatenate([[np.round(at, GRID)], points[point + 1 :]])[::step]
+    if reverse:
+        own = slice(0, len(points))
+        extrusion, feed = way.extrusion[own].copy(), way.feed[own].copy()
+        extrusion[-1] *= 1.0 - share
+    else:
+        own = slice(point, len(way.points))
+        extrusion, feed = way.extrusion[own].copy(), way.feed[own].copy()
+        extrusion[1] *= 1.0 - share
+    row = row[own].copy()
+    row[0] = row[1]  # so it is none of the contour's begin
+    extrusion[0] = feed[0] = 0.0
+    return Stretch(of, points, extrusion, feed, row, whole=False)
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Contours of a plan that are not finished, and why."""
+
+    rows: NDArray[np.bool_]  # (n,) all of them
+    apart: NDArray[np.bool_]  # (n,) those that no living head can print
+    why: str = ""
+
+    def said(self, contours: Contours) -> str:
+        """Return a line on what is missing; empty: nothing is."""
+        if not self.rows.any():
+            return ""
+        layers = contours.layer[self.rows] + 1
+        first, last = int(layers.min()), int(layers.max())
+        where = f"layer {first}" if first == last else f"layers {first} to {last}"
+        behind = int(self.rows.sum() - self.apart.sum())
+        which = f", and {behind} that come after those" if behind else ""
+        return (
+            f"{int(self.rows.sum())} contours are not finished ({where}): "
+            f"{int(self.apart.sum())} {self.why}{which}"
+        )
+
+
+def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.bool_]) -> LeftOut:
+    """Return what of the rest cannot be printed, with all that must come after it.
+
+    Parameters
+    ----------
+    rest : (n,) contours of the plan that are left to print
+    able : (n,) contours that some living head can print
+    """
+    apart = rest & ~able
+    rows = apart.copy()
+    successors: dict[int, list[int]] = {}
+    for a, b in document.precedence.tolist():
+        successors.setdefault(a, []).append(b)
+    stack = np.flatnonzero(rows).tolist()
+    while stack:
+        for b in successors.get(stack.pop(), ()):
+            if rest[b] and not rows[b]:
+                rows[b] = True
+                stack.append(b)
+    return LeftOut(rows, apart, "that no living head reaches, or has the tool for")
+
+
+def printed_contours(
+    document: PlanDocument, state: PrintState, broken: Sequence[Broken]
+) -> Contours | None:
+    """Return what stands on the bed; of a bead that is finished but what is printed."""
+    done = state.done.copy()
+    found = document.printed
+    for one in broken:
+        if one.rest:  # its printed part ends where the rest begins, no higher than that
+            done[one.contour] = False
+            found = joined(_begun(document, state, one), found)
+    if done.any():
+        found = joined(taken(document.contours, np.flatnonzero(done)), found)
+    return found
+
+
+def _begun(document: PlanDocument, state: PrintState, one: Broken) -> Contours:
+    """Return the printed part of a bead that is finished."""
+    h, k = next(
+        (h, k) for h, k in state.broken if document.plan.heads[h].contour[k] == one.contour
+    )  # fmt: skip
+    head, path = state.heads[h], document.plan.heads[h].action_path(k)
+    assert head.at is not None  # it is finished, so it is known
+    point, share = rest_of_line(path, head.point, head.at)
+    at = path[point] + share * (path[point + 1] - path[point])
+    points = np.concatenate([path[: point + 1], [at]])
+    whole = taken(document.contours, np.array([one.contour]))
+    zeros = np.zeros(len(points))
+    return replace(
+        whole, points=points, offsets=np.array([0, len(points)]), extrusion=zeros, feed=zeros + 1.0
+    )  # fmt: skip

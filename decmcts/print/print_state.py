@@ -1,0 +1,219 @@
+"""How far a print has come: from its events, or from the layers that are printed.
+
+A head carries its actions out in order, so what it has done is one number a head and, of the
+action it was at, how far its nozzle came. Nothing of an event stream is believed that its plan
+does not allow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
+from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
+
+Point = tuple[float, float, float]
+SAME_S = 1e-3  # events so near in time may stand in any order
+NEAR_MM = 0.01  # a nozzle so near to a bead's begin has printed nothing of it
+
+
+@dataclass(frozen=True, slots=True)
+class HeadState:
+    """How far one head has come."""
+
+    head: str
+    ended: int  # actions that have ended
+    begun: bool = False  # the next action has begun
+    point: int = 0  # points of its path behind the first that the nozzle has passed
+    at: Point | None = None  # where the nozzle was seen last, mm; None: it was not seen
+    clock_s: float = 0.0  # of its last event
+    failed: bool = False  # it prints no more, and `at` is where it stopped
+
+    @property
+    def is_exact(self) -> bool:
+        """Tell whether it is known how much of a bead that has begun is printed."""
+        return self.failed and self.at is not None
+
+
+@dataclass(frozen=True, slots=True)
+class PrintState:
+    """What is printed of a plan, and where its heads are."""
+
+    heads: tuple[HeadState, ...]  # in the order of the plan
+    done: NDArray[np.bool_]  # (n,) contours of the plan that are printed
+    broken: tuple[tuple[int, int], ...] = ()  # head and action of beads that were broken off
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of the heads that print no more."""
+        return tuple(head.head for head in self.heads if head.failed)
+
+
+def state_of_layers(document: PlanDocument, layers: int) -> PrintState:
+    """Return the state in which so many layers are printed, and nothing above.
+
+    Raises
+    ------
+    InputError
+        Where the print has not so many layers, or the order does not allow that state.
+    """
+    layer = document.contours.layer
+    count = int(layer.max(initial=-1)) + 1
+    if not 1 <= layers <= count:
+        raise InputError(
+            f"layer {layers}: the plan has layers 1 to {count}",
+            advice="name the last layer that is printed whole",
+        )
+    done = layer < layers
+    heads = tuple(HeadState(head.head, 0) for head in document.plan.heads)
+    return _closed(document, PrintState(heads, done))
+
+
+def state_of_events(document: PlanDocument, log: EventLog) -> PrintState:
+    """Return the state a stream of events leaves a plan in.
+
+    Raises
+    ------
+    InputError
+        For events of another plan, and for what no execution of this plan comes to.
+    """
+    names = tuple(head.head for head in document.plan.heads)
+    if log.problem != document.problem or log.heads != names:
+        whose = "no plan" if not log.problem else f"the plan of problem {log.problem[:12]}"
+        raise InputError(
+            f"the events are of {whose} with heads {', '.join(log.heads)}, not of this one "
+            f"({document.problem[:12]}, {', '.join(names)})",
+            advice="name the events of the plan that was carried out",
+        )
+    heads = [HeadState(name, 0) for name in names]
+    for event in log.events:
+        heads[event.head] = _after(heads[event.head], event, document.plan.heads[event.head])
+    _refuse_waits(document, heads)
+    done = np.zeros(len(document.contours), np.bool_)
+    broken = []
+    for h, (state, actions) in enumerate(zip(heads, document.plan.heads, strict=True)):
+        printed = actions.contour[: state.ended]
+        done[printed[printed >= 0]] = True
+        if _is_broken(state, actions):
+            done[int(actions.contour[state.ended])] = True
+            broken.append((h, state.ended))
+    return _closed(document, PrintState(tuple(heads), done, tuple(broken)))
+
+
+def _after(state: HeadState, event: PrintEvent, actions: HeadActions) -> HeadState:
+    """Return the state of a head behind one more event; raises InputError for an absurd one."""
+    if _is_late(state, event):
+        return state
+    _refuse_event(state, event, actions)
+    fails = event.kind is EventKind.FAILED
+    seen = replace(state, at=event.at, clock_s=event.time_s, failed=fails)
+    if event.action == NO_ACTION:
+        return seen
+    if event.kind is EventKind.ENDED:
+        return replace(seen, ended=event.action + 1, begun=False, point=0)
+    before = state.begun and event.action == state.ended
+    begun = before or event.kind in (EventKind.BEGAN, EventKind.PASSED) or event.point > 0
+    return replace(seen, ended=event.action, begun=begun, point=event.point)
+
+
+def _is_late(state: HeadState, event: PrintEvent) -> bool:
+    """Tell whether an action's end is reported behind the begin of the next, at the same time."""
+    ends = event.kind is EventKind.ENDED and event.action == state.ended - 1
+    return ends and abs(event.time_s - state.clock_s) <= SAME_S
+
+
+def _refuse_event(state: HeadState, event: PrintEvent, actions: HeadActions) -> None:
+    """Raise InputError for an event that cannot come behind this state of its head."""
+    where, k = f"head {state.head} at {event.time_s:g} s", event.action
+    if event.time_s < state.clock_s:
+        raise InputError(f"{where}: an event before the one at {state.clock_s:g} s")
+    if state.failed:
+        raise InputError(f"{where}: an event of a head that has failed")
+    if k == NO_ACTION:
+        return
+    size = len(actions.action_path(k)) if k < len(actions) else 0
+    if k >= len(actions) or event.point >= max(size, 1):
+        raise InputError(
+            f"{where}: action {k}, point {event.point}; the plan has {len(actions)} actions, "
+            f"and this one {size} points"
+        )
+    if k < state.ended:
+        raise InputError(f"{where}: action {k} again, which has ended")
+    first = state.ended + state.begun  # what had begun has ended when another action begins
+    skipped = np.flatnonzero(actions.kind[first:k] == ActionKind.PRINT)
+    if len(skipped):
+        raise InputError(
+            f"{where}: action {k}, and no event says that action {first + int(skipped[0])}, a "
+            "bead, has ended",
+            advice="name all events of the print, none left out",
+        )
+    if k == state.ended and event.kind is not EventKind.ENDED and event.point < state.point:
+        raise InputError(f"{where}: point {event.point} behind point {state.point}")
+
+
+def _is_broken(state: HeadState, actions: HeadActions) -> bool:
+    """Tell whether a head stopped within a bead."""
+    k = state.ended
+    if not state.begun or k >= len(actions) or actions.kind[k] != ActionKind.PRINT:
+        return False
+    if not state.is_exact or state.point or state.at is None:
+        return True
+    return float(np.linalg.norm(np.subtract(state.at, actions.action_path(k)[0]))) > NEAR_MM
+
+
+def _refuse_waits(document: PlanDocument, heads: list[HeadState]) -> None:
+    """Raise InputError where an action has begun that had to wait for what has not happened."""
+    for state, actions in zip(heads, document.plan.heads, strict=True):
+        for k in range(min(state.ended + state.begun, len(actions))):
+            for edge in actions.after_edges(k):
+                other = heads[edge.head]
+                passed = edge.action < other.ended
+                if edge.action == other.ended and edge.point != ACTION_END and other.begun:
+                    passed |= edge.point <= other.point
+                if not passed:
+                    raise InputError(
+                        f"by these events head {state.head} has begun action {k} before "
+                        f"action {edge.action} of head {other.head}, for which it waits",
+                        advice="name all events of the print, none left out",
+                    )
+
+
+def _closed(document: PlanDocument, state: PrintState) -> PrintState:
+    """Return a state that the order of the plan allows; raises InputError for another."""
+    pairs, done = document.precedence, state.done
+    wrong = np.flatnonzero(done[pairs[:, 1]] & ~done[pairs[:, 0]])
+    if len(wrong):
+        a, b = pairs[wrong[0]].tolist()
+        layer = document.contours.layer
+        raise InputError(
+            f"contour {b} (layer {layer[b] + 1}) cannot be printed while contour {a} (layer "
+            f"{layer[a] + 1}), which comes before it, is not",
+            advice="name another layer, or the events of the print",
+        )
+    return state
+
+
+def rest_of_line(path: NDArray[np.float64], point: int, at: Point) -> tuple[int, float]:
+    """Return behind which point of a path a nozzle stopped, and at which share of the segment.
+
+    Examples
+    --------
+    >>> rest_of_line(np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0]]), 1, (10.0, 2.5, 0.0))
+    (1, 0.25)
+    """
+    if point + 1 >= len(path):
+        return len(path) - 1, 0.0
+    along = path[point + 1] - path[point]
+    length = float(along @ along)
+    share = float((np.subtract(at, path[point]) @ along) / length) if length else 0.0
+    return point, min(max(share, 0.0), 1.0)
+
+
+def length_of(path: NDArray[np.float64]) -> float:
+    """Return the length of a polyline, mm."""
+    return float(sum(np.linalg.norm(b - a) for a, b in pairwise(path)))

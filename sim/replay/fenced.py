@@ -1,0 +1,96 @@
+"""Heads that print no more and stand in the way: nothing may touch them, nor be printed into them.
+
+What moves is looked at as boxes around whole moves, which is more careful than exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.machine import Head, Machine
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.replay.growth import beads_there, moves_of
+from sim.replay.material import find_contacts
+from sim.replay.shapes import as_material
+
+Place = tuple[float, float, float]
+TOLERANCE_MM = 1e-4
+
+
+def check_fenced(
+    document: PlanDocument, whole: Machine, fenced: Mapping[str, Place]
+) -> list[Fault]:
+    """Check that no head of a plan comes near heads that are fenced, nor prints into them.
+
+    Parameters
+    ----------
+    whole : Machine
+        The machine with the fenced heads and its rails.
+    fenced : Mapping[str, Place]
+        Where each stands, mm.
+    """
+    gone = {head.name: head for head in whole.heads if head.name in fenced}
+    given = {actions.head: actions for actions in document.plan.heads}
+    met: list[str] = []
+    within: list[str] = []
+    for name, head in gone.items():
+        for mine in document.machine.heads:
+            moves = _moves(mine, given.get(mine.name))
+            met += _met(whole, mine, moves, head, fenced[name])
+        within += _printed_into(document, head, fenced[name])
+    return [*listed(FaultKind.HEAD_HEAD, met), *listed(FaultKind.HEAD_MATERIAL, within)]
+
+
+def _moves(head: Head, actions: HeadActions | None) -> NDArray[np.float64]:
+    """Return the moves of a head, (m, 6)."""
+    if actions is None or not len(actions):
+        return np.array([[*head.park, *head.park]], np.float64)
+    return moves_of(actions, head.park)[0]
+
+
+def _met(
+    machine: Machine, mine: Head, moves: NDArray[np.float64], gone: Head, place: Place
+) -> list[str]:
+    """Say in which moves a head comes nearer to a fenced one than it may."""
+    low = np.minimum(moves[:, :3], moves[:, 3:])
+    high = np.maximum(moves[:, :3], moves[:, 3:])
+    bad = np.zeros(len(moves), np.bool_)
+    margin = machine.head_clearance_mm - TOLERANCE_MM
+    for ours in mine.bodies:
+        for theirs in gone.bodies:
+            apart = low + ours.minimum >= np.add(place, theirs.maximum) + margin
+            apart |= high + ours.maximum <= np.add(place, theirs.minimum) - margin
+            bad |= ~apart.any(axis=1)
+    for rail in machine.rails:
+        if {mine.name, gone.name} <= set(rail.order):
+            steps = rail.order.index(mine.name) - rail.order.index(gone.name)
+            due = abs(steps) * rail.separation_mm - TOLERANCE_MM
+            at = place[rail.axis]
+            near = low[:, rail.axis] - at if steps > 0 else at - high[:, rail.axis]
+            bad |= near < due
+    return [
+        f"head {mine.name} comes too near to head {gone.name}, which stands at "
+        f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f}), between "
+        f"({', '.join(f'{v:.2f}' for v in moves[k, :3])}) and "
+        f"({', '.join(f'{v:.2f}' for v in moves[k, 3:])})"
+        for k in np.flatnonzero(bad)[:LIMIT].tolist()
+    ]
+
+
+def _printed_into(document: PlanDocument, gone: Head, place: Place) -> Sequence[str]:
+    """Say what is printed where a fenced head stands."""
+    if not any(ActionKind.PRINT in actions.kind for actions in document.plan.heads):
+        return []
+    beads = as_material(beads_there(document.contours), document.machine, TOLERANCE_MM)
+    contacts = find_contacts(
+        np.array([[*place, *place]]), beads, gone, clearance_mm=document.machine.clearance_mm,
+        tolerance_mm=TOLERANCE_MM, limit=LIMIT,
+    )  # fmt: skip
+    return [
+        f"contour {beads.label[c.bead]} is printed into head {gone.name}, which stands there"
+        for c in contacts
+    ]

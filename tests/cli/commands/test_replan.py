@@ -1,0 +1,71 @@
+"""`decmcts replan`: from a plan that was broken off to files of the heads that live."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from agents.messages.event_stream import stream_of
+from decmcts.cli.run import run
+from decmcts.formats.plans.plan_json import read_plan, write_plan
+from tests.planning.replanning.conftest import Made, log_until, made, within_print  # noqa: F401
+
+
+@pytest.fixture
+def plan(made: Made, tmp_path: Path) -> Path:  # noqa: F811
+    path = tmp_path / "plan.json"
+    write_plan(made.document, path)
+    return path
+
+
+@pytest.mark.slow
+def test_from_events_to_files(
+    made: Made, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]  # noqa: F811
+) -> None:  # fmt: skip
+    """What the dead head alone reaches is said; plan and file of the rest pass the judge."""
+    time_s, _ = within_print(made.document, 1, 12.0)
+    log = log_until(made.document, time_s, failed=1)
+    (tmp_path / "events.msgpack").write_bytes(stream_of(log))
+    stem, rest = tmp_path / "rest", tmp_path / "rest.json"
+    line = [
+        "replan", str(plan), "--source", str(made.path), "--events",
+        str(tmp_path / "events.msgpack"), "-o", str(stem), "--plan", str(rest),
+        "--time-limit", "0.2", "--json",
+    ]  # fmt: skip
+    assert run(line) == 0
+    said = json.loads(capsys.readouterr().out)
+    count = said["replanned"]
+    document = read_plan(rest)
+    assert count["heads"] == ["left"] == [head.head for head in document.plan.heads]
+    assert count["contours"] == count["printed"] + count["left_out"] + len(document.contours)
+    assert count["left_out"] > 0
+    assert any("contours are not finished" in note for note in said["notes"])
+    assert any("broke off within contour" in note for note in said["notes"])
+    assert sorted(tmp_path.glob("rest_*.gcode")) == [tmp_path / "rest_left.gcode"]
+    assert run(["verify", str(rest)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("more", "what"),
+    [
+        ([], "what is printed is not known"),
+        (["--layer", "2", "--events", "x"], "two states of the print"),
+        (["--layer", "99"], "the plan has layers 1 to"),
+        (["--layer", "2", "--fenced", "right"], "no event says where"),
+        (["--layer", "2", "--fenced", "x=park"], "no head 'x'"),
+        (["--events", "none"], "none"),
+    ],
+)
+def test_bad_input_gets_one_line(
+    made: Made, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],  # noqa: F811
+    more: list[str], what: str,
+) -> None:  # fmt: skip
+    """And nothing is written."""
+    stem = tmp_path / "rest"
+    line = ["replan", str(plan), "--source", str(made.path), "-o", str(stem), *more]
+    assert run(line) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert what in said[-1] and len(said) == 1
+    assert not list(tmp_path.glob("rest*"))

@@ -1,0 +1,199 @@
+"""The rest of a print: nothing twice, nothing lost, nothing driven into what is printed."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decmcts.errors import InputError, VerificationError
+from decmcts.formats.plans.plan_json import read_plan
+from decmcts.planning.options import TeamSearch
+from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of
+from decmcts.planning.replanning.rest import LeftBeads
+from decmcts.planning.result import Result
+from decmcts.print.plan import ActionKind, JointPlan
+from decmcts.print.print_state import state_of_events, state_of_layers
+from sim.faults import FaultKind
+from sim.replay.fenced import check_fenced
+from sim.verify import verify_plan
+from tests.planning.replanning.conftest import Made, log_until, within_print
+
+SEARCH = TeamSearch(0.2)
+PARKED = (345.0, 150.0, 10.0)
+OVER_PRINT = (150.0, 100.0, 0.6)
+
+
+def planned(made: Made, rest: Rest, agents: Any) -> Result:
+    return replan(rest, SEARCH, rules_of(made.document), agents=agents)
+
+
+def laid(contours: Any) -> set[tuple[float, ...]]:
+    """Return the segments of contours that are printed, whichever way they run."""
+    found = set()
+    for c in range(len(contours)):
+        line = np.round(contours.polyline(c), 2)
+        for a, b in zip(line[:-1].tolist(), line[1:].tolist(), strict=True):
+            found.add(tuple(min(a, b) + max(a, b)))
+    return found
+
+
+@pytest.mark.slow
+def test_printed_and_rest_are_the_print(made: Made, agents: Any) -> None:
+    """Nothing is printed twice and nothing is lost, segment by segment."""
+    state = state_of_layers(made.document, 3)
+    result = planned(made, rest_of(made.document, made.source, state, {}), agents)
+    rest, printed = result.document.contours, result.document.printed
+    assert printed is not None and len(printed) + len(rest) == len(made.document.contours)
+    assert not laid(rest) & laid(printed)
+    assert laid(rest) | laid(printed) == laid(made.document.contours)
+    assert result.verdict.ok
+    assert [head.head for head in result.document.plan.heads] == ["left", "right"]
+
+
+@pytest.mark.slow
+def test_a_dead_head_leaves_what_it_alone_reaches(made: Made, alone: Any) -> None:
+    """The rail keeps the living head away from it; what it reaches is finished."""
+    state = state_of_layers(made.document, 3)
+    rest = rest_of(made.document, made.source, state, {"right": OVER_PRINT})
+    (head,) = rest.source.machine.heads
+    assert head.name == "left" and head.reach_max[0] == pytest.approx(80.0)
+    contours = made.document.contours
+    assert (contours.start[rest.left.rows, 0] > 80.0).all()
+    total = rest.done + int(rest.left.rows.sum()) + len(rest.source.job.contours)
+    assert total == len(contours)
+    assert "16 contours are not finished (layers 4 to 7)" in rest.lines[0]
+    result = planned(made, rest, alone)
+    assert result.verdict.ok
+    assert rest.lines[0] in result.planned.problem.job.notes
+
+
+@pytest.mark.slow
+def test_the_judge_sees_a_head_that_comes_near_a_dead_one(made: Made, alone: Any) -> None:
+    """It finds by itself where heads come too near, and what is printed into one."""
+    state = state_of_layers(made.document, 3)
+    result = planned(made, rest_of(made.document, made.source, state, {"right": PARKED}), alone)
+    machine = made.document.machine
+    assert not check_fenced(result.document, machine, {"right": PARKED})
+    faults = check_fenced(result.document, machine, {"right": OVER_PRINT})
+    assert {fault.kind for fault in faults} == {FaultKind.HEAD_HEAD}
+    faults = check_fenced(result.document, machine, {"right": (60.0, 100.0, 0.4)})
+    assert {fault.kind for fault in faults} == {FaultKind.HEAD_HEAD, FaultKind.HEAD_MATERIAL}
+
+
+@pytest.mark.slow
+def test_travels_clear_what_is_printed(made: Made, alone: Any, tmp_path: Path) -> None:
+    """A travel as low as if nothing stood there is refused; so after plan.json is read back."""
+    document = made.document
+    done = np.zeros(len(document.contours), np.bool_)  # one tower stands, the other begins
+    right = document.contours.start[:, 0] > 150.0
+    done[right | (document.contours.layer < 1)] = True
+    state = replace(state_of_layers(document, 1), done=done)
+    rest = rest_of(document, made.source, state, {})
+    result = planned(made, rest, alone)
+    result.write_plan(tmp_path / "rest.json")
+    read = read_plan(tmp_path / "rest.json")
+    assert read.printed is not None and verify_plan(read).ok
+    assert verify_plan(read, source=result.planned.problem.job).ok
+    low = replace(read, plan=JointPlan(tuple(map(_through_the_tower, read.plan.heads))))
+    faults = verify_plan(low).faults
+    assert any("meets what was printed before" in fault.text for fault in faults)
+    bare = verify_plan(replace(low, printed=None)).faults
+    assert not any(fault.kind is FaultKind.HEAD_MATERIAL for fault in bare)
+
+
+def _through_the_tower(head: Any) -> Any:
+    """Return a head's actions with its longest travel led through the printed tower."""
+    if not len(head):
+        return head
+    k = int(np.flatnonzero(head.kind == ActionKind.TRAVEL)[1])
+    first, last = int(head.path_offsets[k]), int(head.path_offsets[k + 1])
+    a, b = head.path[first], head.path[last - 1]
+    path = np.array([a, [240.0, 100.0, 0.5], b])
+    offsets = head.path_offsets.copy()
+    offsets[k + 1 :] += len(path) - (last - first)
+    whole = np.concatenate([head.path[:first], path, head.path[last:]])
+    return replace(head, path=whole, path_offsets=offsets)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left_beads", list(LeftBeads))
+def test_a_bead_broken_off_is_finished_or_left(
+    made: Made, agents: Any, left_beads: LeftBeads
+) -> None:
+    """From the very place where its head failed, by whoever reaches it."""
+    time_s, action = within_print(made.document, 1, 12.0)
+    state = state_of_events(made.document, log_until(made.document, time_s, failed=1))
+    assert state.failed == ("right",)
+    rest = rest_of(made.document, made.source, state, {"right": PARKED}, left_beads)
+    mine = next(one for one in rest.broken if one.head == "right")
+    path = made.document.plan.heads[1].action_path(action)
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    half = float(np.linalg.norm(path[1] - path[0])) / 2.0
+    assert mine.missing_mm == pytest.approx(length - half)
+    assert bool(mine.rest) == (left_beads is LeftBeads.FINISH)
+    result = planned(made, rest, agents)
+    assert result.verdict.ok
+    finished = [
+        c for c in range(len(result.document.contours))
+        if np.allclose(result.document.contours.polyline(c)[0], (path[0] + path[1]) / 2, atol=1e-3)
+    ]  # fmt: skip
+    assert len(finished) == (left_beads is LeftBeads.FINISH)
+    if finished:
+        line = result.document.contours.polyline(finished[0])
+        assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(
+            mine.missing_mm, abs=0.01
+        )
+
+
+@pytest.mark.slow
+def test_head_files_go_to_their_parks_above_the_print(
+    made: Made, alone: Any, tmp_path: Path
+) -> None:
+    """Up before across, whatever the start code left the head at."""
+    state = state_of_layers(made.document, 3)
+    result = planned(made, rest_of(made.document, made.source, state, {"right": PARKED}), alone)
+    tall = replace(result.planned.problem.job.printed, points=_raised(result))
+    job = replace(result.planned.problem.job, printed=tall)
+    problem = replace(result.planned.problem, job=job)
+    again = replace(result, planned=replace(result.planned, problem=problem, head_files=()))
+    (path,) = again.write_gcode(tmp_path / "rest").paths
+    moves = [row for row in path.read_text().splitlines() if re.match(r"G[01] .*[XYZ]", row)]
+    assert moves[0].startswith("G1 Z55.") and moves[1].startswith("G1 X-45.000 Y150.000")
+
+
+def _raised(result: Result) -> Any:
+    points = result.document.printed.points.copy()
+    points[:, 2] += 50.0 - points[:, 2].max()
+    return points
+
+
+def test_another_source_is_refused(made: Made) -> None:
+    """One line, before anything is planned."""
+    state = state_of_layers(made.document, 3)
+    contours = made.source.job.contours
+    points = contours.points.copy()
+    points[0, 0] += 1.0
+    job = replace(made.source.job, contours=replace(contours, points=points))
+    with pytest.raises(InputError, match="is not the print of this plan"):
+        rest_of(made.document, replace(made.source, job=job), state, {})
+
+
+def test_a_print_that_is_done_is_refused(made: Made) -> None:
+    """There is nothing to write."""
+    layers = int(made.document.contours.layer.max()) + 1
+    with pytest.raises(InputError, match="nothing is left to print"):
+        rest_of(made.document, made.source, state_of_layers(made.document, layers), {})
+
+
+@pytest.mark.slow
+def test_a_plan_the_judge_refuses_is_none(made: Made, alone: Any) -> None:
+    """Here the heads believe a fenced head to stand elsewhere than it does."""
+    state = state_of_layers(made.document, 3)
+    rest = rest_of(made.document, made.source, state, {"right": PARKED})
+    with pytest.raises(VerificationError, match="too near"):
+        planned(made, replace(rest, fenced={"right": OVER_PRINT}), alone)

@@ -1,0 +1,50 @@
+"""Heads that stand in the way: by boxes of whole moves, along rails, and what is printed there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from decmcts.print.plan import JointPlan, PlanDocument
+from sim.faults import FaultKind
+from sim.replay.fenced import check_fenced
+from tests.planning.replanning.conftest import Made, made  # noqa: F401
+
+
+@pytest.fixture
+def left_alone(made: Made) -> PlanDocument:  # noqa: F811
+    """What the left head does, which prints around x = 60, and one contour up to x = 260."""
+    document = made.document
+    machine = replace(document.machine, heads=document.machine.heads[:1], rails=())
+    return replace(document, machine=machine, plan=JointPlan(document.plan.heads[:1]))
+
+
+@pytest.mark.parametrize(
+    ("place", "kinds"),
+    [
+        ((345.0, 150.0, 10.0), set()),
+        ((300.0, 150.0, 10.0), {FaultKind.HEAD_HEAD}),  # 40 mm from the skirt, the rail asks 70
+        ((240.0, 100.0, 0.1), {FaultKind.HEAD_HEAD, FaultKind.HEAD_MATERIAL}),
+    ],
+)
+def test_a_head_that_stands_there(
+    made: Made, left_alone: PlanDocument, place: tuple[float, float, float], kinds: set[FaultKind]  # noqa: F811
+) -> None:  # fmt: skip
+    """Nothing is said of one that stands far enough away."""
+    faults = check_fenced(left_alone, made.document.machine, {"right": place})
+    assert {fault.kind for fault in faults} == kinds
+
+
+def test_without_a_rail_bodies_count(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
+    """Two beams beside each other, 60 mm wide heads and 5 mm between them."""
+    machine = replace(made.document.machine, rails=())
+    assert check_fenced(left_alone, machine, {"right": (310.0, 150.0, 10.0)})
+    assert not check_fenced(left_alone, machine, {"right": (330.0, 150.0, 10.0)})
+
+
+def test_a_head_without_work_stands_at_its_park(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
+    """There it may be in the way too."""
+    idle = replace(left_alone, plan=JointPlan(()))
+    assert check_fenced(idle, made.document.machine, {"right": (-45.0, 150.0, 10.0)})
+    assert not check_fenced(idle, made.document.machine, {"right": (240.0, 100.0, 0.1)})
