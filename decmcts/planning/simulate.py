@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import sim.controllers
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.own_machine import machine_of_text
 from decmcts.formats.plans.plan_json import read_plan
+from decmcts.jit import cache_folder
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
@@ -86,7 +88,8 @@ def simulate(
     plan = read_plan(plans[0]) if plans else None
     chosen = _machine_of(plan, machine, files)
     programs = _programs(plan, files, chosen, queue, report)
-    report(Step("running"))
+    compiled = Path(cache_folder(Path(sim.controllers.__file__).parent)).exists()
+    report(Step("running" if compiled else "running, which the first time compiles for a minute"))
 
     def told(done: int, of: int) -> None:
         report(Step("running with errors of time", done, of))

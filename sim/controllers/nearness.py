@@ -27,7 +27,7 @@ CHART_MM = 0.5  # that of each span of time for charts,
 INSIDE_MM = 1.0  # and that of a contact
 TOUCH_MM = 1e-3  # rounding of files: nearer than the limit by more is a contact
 BINS = 400  # spans of time of which the least distance is kept, for charts
-MOST_CONTACTS = 100
+MOST_CONTACTS = 100  # of two heads: then no more is looked at
 TALL_MM = 1e4
 
 
@@ -188,6 +188,8 @@ def _advance(
                 found[n - 1, 2] = min(gap, slack)
                 found[n - 1, 3:6], found[n - 1, 6:9] = p, q
             found[n - 1, 1] = t
+        elif n == len(found):
+            break
         else:
             inside = False
         k = min(int((t - begin) / max(end - begin, 1e-9) * len(bins)), len(bins) - 1)

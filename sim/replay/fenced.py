@@ -6,6 +6,7 @@ What moves is looked at as boxes around whole moves, which is more careful than 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.growth import beads_there, moves_of
 from sim.replay.material import find_contacts
-from sim.replay.shapes import as_material
+from sim.replay.shapes import as_material, parts_of
 
 Place = tuple[float, float, float]
 TOLERANCE_MM = 1e-4
@@ -60,11 +61,10 @@ def _met(
     high = np.maximum(moves[:, :3], moves[:, 3:])
     bad = np.zeros(len(moves), np.bool_)
     margin = machine.head_clearance_mm - TOLERANCE_MM
-    for ours in mine.bodies:
-        for theirs in gone.bodies:
-            apart = low + ours.minimum >= np.add(place, theirs.maximum) + margin
-            apart |= high + ours.maximum <= np.add(place, theirs.minimum) - margin
-            bad |= ~apart.any(axis=1)
+    for ours, theirs in product(_boxes(mine), _boxes(gone)):
+        apart = low + ours[0] >= np.array(place) + theirs[1] + margin
+        apart |= high + ours[1] <= np.array(place) + theirs[0] - margin
+        bad |= ~apart.any(axis=1)
     for rail in machine.rails:
         if {mine.name, gone.name} <= set(rail.order):
             steps = rail.order.index(mine.name) - rail.order.index(gone.name)
@@ -78,6 +78,14 @@ def _met(
         f"({', '.join(f'{v:.2f}' for v in moves[k, :3])}) and "
         f"({', '.join(f'{v:.2f}' for v in moves[k, 3:])})"
         for k in np.flatnonzero(bad)[:LIMIT].tolist()
+    ]
+
+
+def _boxes(head: Head) -> list[NDArray[np.float64]]:
+    """Return least and most of each part of a head round its tip, slices too, (2, 3) each."""
+    return [
+        np.array([[*part.polygon.min(axis=0), part.low], [*part.polygon.max(axis=0), part.high]])
+        for part in parts_of(head)
     ]
 
 

@@ -47,6 +47,7 @@ SMALLEST = {  # script: (options, rows, files)
     "certificates": (ONE, 1, ("certificates.md", "certificates.png")),
     "quality": (ONE, 4, ("quality.md", "quality.png")),
     "ledger": (ONE, 1, ("ledger.md",)),
+    "simulated": ([*ONE, "--trials", "1"], 1, ("simulated.md",)),
     "shared_parts": ([*ONE, "--cuts", "inside"], 1, ("shared_parts.md",)),
 }
 

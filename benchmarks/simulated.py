@@ -1,0 +1,145 @@
+"""Written files of two heads run as controllers run them, on time and not, and spoilt plans.
+
+    python benchmarks/simulated.py [--models NAME,…] [--machine dual-gantry] [--time-limit 10]
+        [--trials 25] [--seeds 0]
+
+Of each print: the simulated print time of plan and files beside the plan's, contacts under random
+errors of time (`--trials` draws of each kind, up to 30 %) and under an adversary, and whether five
+spoilt plans are seen to collide. Writes docs/results/simulated.csv (resumable) and simulated.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import Rows, arguments, grouped, markdown, measured, median, setting
+from team_prints import plate_path
+
+from decmcts.planning.simulate import Simulated, simulate
+from sim.controllers.timing import Timing
+from sim.experiments.mutants import NotHereError
+from sim.experiments.mutants_waits import action_before, one_wait_dropped, waits_dropped
+
+KEY = ("machine", "model", "limit_s", "trials", "seed")
+FIGURES = ("contours", "planned_s", "plan_off", "files_off", "draws", "contacts", "least_rail_mm",
+           "adversaries", "spoilt", "seen", "seconds", "error")  # fmt: skip
+RANDOM = (Timing.UNIFORM, Timing.HEAVY_TAILS, Timing.DRIFT)
+FOUND_BY = (Timing.NONE, Timing.ADVERSARIAL)  # of spoilt plans, in turn
+SIZE = 0.3
+SPOILT: tuple[Callable[..., None], ...] = (
+    waits_dropped, one_wait_dropped, one_wait_dropped, one_wait_dropped, action_before,
+)  # fmt: skip
+PRINTS = "same_4_far,mix_4,mix_2,mix_6,mix_3,mix_1,mix_5,same_9,gf_baseplate,openbot_top_A"
+
+
+def run(key: dict[str, Any]) -> dict[str, Any]:
+    """Launch a print, and run what was written."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        plan = folder / "plan.json"
+        options = ["--machine", key["machine"], "--seed", str(key["seed"])]
+        outputs = ["-o", str(folder / "out"), "--plan", str(plan)]
+        limit = ["--time-limit", str(key["limit_s"])]
+        two = measured(["launch", str(plate_path(key["model"])), *options, *limit, *outputs])
+        if two["exit"]:
+            return {**key, **dict.fromkeys(FIGURES, ""), "error": two["error"]}
+        files = sorted(folder.glob("out_*.gcode"))
+        began = time.perf_counter()
+        own = simulate([plan])
+        seconds = time.perf_counter() - began
+        drawn = [own, simulate([plan, *files])]
+        drawn += [
+            simulate([plan, *files], timing=timing, size=SIZE, trials=key["trials"])
+            for timing in (*RANDOM, Timing.ADVERSARIAL)
+        ]
+        spoilt = _seen(plan)
+    return {**key, **_figures(drawn), "spoilt": spoilt[0], "seen": spoilt[1],
+            "seconds": round(seconds, 1), "error": ""}  # fmt: skip
+
+
+def _figures(drawn: list[Simulated]) -> dict[str, Any]:
+    own, files, *others = drawn
+    planned = own.planned_s
+    assert planned is not None and own.plan is not None
+    trials = [trial for found in others for trial in found.simulation.trials[1:]]
+    rail = min(near.rail_mm for trial in trials for near in trial.near)
+    return {
+        "contours": len(own.plan.contours),
+        "planned_s": round(planned, 1),
+        "plan_off": round(own.simulation.makespan_s / planned - 1.0, 5),
+        "files_off": round(files.simulation.makespan_s / planned - 1.0, 5),
+        "draws": len(trials),
+        "contacts": sum(found.simulation.contacts for found in drawn),
+        "least_rail_mm": round(rail, 3),
+        "adversaries": len(others[-1].simulation.trials) - 1,
+    }
+
+
+def _seen(plan: Path) -> tuple[int, int]:
+    """Return how many spoilt plans there are, and how many of them are seen to collide."""
+    made, seen = 0, 0
+    for seed, spoil in enumerate(SPOILT):
+        document = json.loads(plan.read_text())
+        try:
+            spoil(document, np.random.default_rng(seed))
+        except NotHereError:
+            continue
+        path = plan.with_name("spoilt.json")
+        path.write_text(json.dumps(document))
+        made += 1
+        seen += not all(simulate([path], timing=t).simulation.safe for t in FOUND_BY)
+    return made, seen
+
+
+def report(rows: Rows, said: str) -> str:
+    """Return the page."""
+    text = f"# Prints of two heads, simulated\n\n{said}\n\nRepeat: `python "
+    text += "benchmarks/simulated.py`. Plan, files: how much longer their simulated print time is "
+    text += f"than planned. Draws: random errors of time up to {SIZE:.0%}, and adversaries. Rail: "
+    text += "the least of what lay between heads beyond the rail's separation. Spoilt: plans whose "
+    text += "waits are gone (all, one, or for an action too early); seen: those "
+    text += "that collide under an adversary. A single wait may be kept by others, so that a plan "
+    text += "without it is still safe. Seconds: reading and running the plan once.\n\n"
+    lines = [
+        [
+            model, f"{median(mine, 'contours'):.0f}", f"{median(mine, 'planned_s'):.0f}",
+            f"{median(mine, 'plan_off'):+.2%}", f"{median(mine, 'files_off'):+.2%}",
+            str(sum(int(r["draws"]) for r in mine)), str(sum(int(r["contacts"]) for r in mine)),
+            f"{median(mine, 'least_rail_mm'):.3f}",
+            f"{sum(int(r['seen']) for r in mine)} of {sum(int(r['spoilt']) for r in mine)}",
+            f"{median(mine, 'seconds'):.1f}",
+        ]
+        for (_, model), mine in grouped(rows.rows, "machine", "model").items()
+    ]  # fmt: skip
+    head = ["print", "contours", "planned s", "plan", "files", "draws", "contacts", "rail mm",
+            "spoilt plans seen", "s"]  # fmt: skip
+    return text + markdown(lines, head) + rows.failures()
+
+
+def main() -> None:
+    parser = arguments(__doc__, time_limit=10.0, models=PRINTS)
+    parser.add_argument("--machine", default="dual-gantry")
+    parser.add_argument("--trials", type=int, default=25)
+    options: argparse.Namespace = parser.parse_args()
+    rows = Rows(options.results / "simulated.csv", KEY)
+    for seed, model in product(options.seeds, options.models):
+        values = (options.machine, model, options.time_limit, options.trials, seed)
+        key = dict(zip(KEY, values, strict=True))
+        if options.table_only or rows.has(**key):
+            continue
+        rows.append(run(key))
+        print(rows.rows[-1], flush=True)
+    said = setting(note=options.note, time_limit=f"{options.time_limit:g} s")
+    (options.results / "simulated.md").write_text(report(rows, said))
+
+
+if __name__ == "__main__":
+    main()
