@@ -43,6 +43,16 @@ def test_without_a_rail_bodies_count(made: Made, left_alone: PlanDocument) -> No
     assert not check_fenced(left_alone, machine, {"right": (330.0, 150.0, 10.0)})
 
 
+def test_without_bodies_slices_count(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
+    """Heads that are described by their slices alone may touch all the same."""
+    whole = made.document.machine
+    bare = replace(whole, rails=(), heads=tuple(replace(head, bodies=()) for head in whole.heads))
+    alone = replace(left_alone, machine=replace(left_alone.machine, heads=bare.heads[:1]))
+    faults = check_fenced(alone, bare, {"right": (262.0, 150.0, 3.0)})
+    assert FaultKind.HEAD_HEAD in {fault.kind for fault in faults}
+    assert not check_fenced(alone, bare, {"right": (380.0, 150.0, 3.0)})
+
+
 def test_a_head_without_work_stands_at_its_park(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
     """There it may be in the way too."""
     idle = replace(left_alone, plan=JointPlan(()))
