@@ -105,8 +105,8 @@ def report(rows: Rows, said: str) -> str:
     text += "benchmarks/simulated.py`. Plan, files: how much longer their simulated print time is "
     text += f"than planned. Draws: random errors of time up to {SIZE:.0%}, and adversaries. Rail: "
     text += "the least of what lay between heads beyond the rail's separation. Spoilt: plans whose "
-    text += "waits are gone (all, or one) or are for the action before; seen: those "
-    text += "that collide on time or under an adversary. A single wait may be kept by others, so that a plan "
+    text += "waits are gone (all, or one) or are for the action before; seen: those that collide "
+    text += "on time or under an adversary. A single wait may be kept by others, so that a plan "
     text += "without it is still safe. Seconds: reading and running the plan once.\n\n"
     lines = [
         [

@@ -112,7 +112,7 @@ def _after(state: HeadState, event: PrintEvent, actions: HeadActions) -> HeadSta
     _refuse_event(state, event, actions)
     fails = event.kind is EventKind.FAILED
     seen = replace(state, at=event.at, clock_s=event.time_s, failed=fails)
-    if event.action == NO_ACTION:
+    if event.action == NO_ACTION or (fails and event.action < state.ended):
         return seen
     if event.kind is EventKind.ENDED:
         return replace(seen, ended=event.action + 1, begun=False, point=0)
@@ -142,7 +142,7 @@ def _refuse_event(state: HeadState, event: PrintEvent, actions: HeadActions) -> 
             f"{where}: action {k}, point {event.point}; the plan has {len(actions)} actions, "
             f"and this one {size} points"
         )
-    if k < state.ended:
+    if k < state.ended and event.kind is not EventKind.FAILED:  # it may name the last it did
         raise InputError(f"{where}: action {k} again, which has ended")
     first = state.ended + state.begun  # what had begun has ended when another action begins
     skipped = np.flatnonzero(actions.kind[first:k] == ActionKind.PRINT)
