@@ -14,7 +14,7 @@ from decmcts.formats.machines.own_machine import machine_of_text
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.jit import cache_folder
 from decmcts.planning.events import Note, Report, Step, unheard
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import PlanDocument
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.from_plan import programs_of_plan
@@ -27,6 +27,10 @@ from sim.heads.file import header_of
 
 _USUAL = "dual-gantry"  # of files of several heads, where no machine is named
 OWN_ACTIONS = "the plan's own actions are run; name the files of its heads too to run those"
+SAME_SHARE, SAME_MM = 0.01, 5.0  # by which files may lay more or less than their plan: rounding
+NO_PRINTER = (
+    "no printer is known: usual limits of motion count where the file states none; name --machine"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +90,7 @@ def simulate(
         raise InputError("one plan can be run, not several", path=plans[1])
     report(Step("reading"))
     plan = read_plan(plans[0]) if plans else None
-    chosen = _machine_of(plan, machine, files)
+    chosen = _machine_of(plan, machine, files, report)
     programs = _programs(plan, files, chosen, queue, report)
     compiled = Path(cache_folder(Path(sim.controllers.__file__).parent)).exists()
     report(Step("running" if compiled else "running, which the first time compiles for a minute"))
@@ -111,8 +115,9 @@ def _refuse(size: float, trials: int, queue: int) -> None:
 
 
 def _machine_of(
-    plan: PlanDocument | None, machine: str | Machine | None, files: Sequence[Path]
-) -> Machine:
+    plan: PlanDocument | None, machine: str | Machine | None, files: Sequence[Path],
+    report: Report,
+) -> Machine:  # fmt: skip
     if plan is not None:
         if machine is not None:
             raise InputError(
@@ -123,9 +128,14 @@ def _machine_of(
         return machine if isinstance(machine, Machine) else load_machine(machine)
     if len(files) > 1:
         return load_machine(_USUAL)
-    if not header_of(load_text(files[0]))[0]:
-        return machine_of_text(load_text(files[0]), files[0])[0]
-    return load_machine(_USUAL)  # and then its other files are missed
+    text = load_text(files[0])
+    if header_of(text)[0]:
+        return load_machine(_USUAL)  # and then its other files are missed
+    try:
+        return machine_of_text(text, files[0])[0]
+    except InputError:  # one head alone touches no other: its shape does not matter here
+        report(Note(NO_PRINTER))
+        return Machine("a printer with usual limits", (0.0, 0.0), (0.0, 0.0), (Head("head", ()),))
 
 
 def _programs(
@@ -147,4 +157,20 @@ def _programs(
             f"{'machine ' + machine.name if plan is None else 'the plan'} has {', '.join(due)}",
             advice="name the files of all heads, and the machine they are for",
         )
+    if plan is not None:
+        _refuse_others(programs, programs_of_plan(plan, queue), files)
     return programs
+
+
+def _refuse_others(
+    programs: Sequence[HeadProgram], due: Sequence[HeadProgram], files: Sequence[Path]
+) -> None:
+    """Raise InputError where files lay other lengths of beads than the heads of the plan do."""
+    for file, planned, path in zip(programs, due, files, strict=False):
+        lays, should = file.laid_mm, planned.laid_mm
+        if abs(lays - should) > SAME_SHARE * should + SAME_MM:
+            raise InputError(
+                f"head {planned.name} lays {lays:,.0f} mm of beads here, {should:,.0f} mm in the "
+                "plan",
+                path=path, advice="name the files that were made with this plan",
+            )  # fmt: skip

@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+STILL_MM = 1e-6  # filament that is none
+
+
 class StopKind(IntEnum):
     """What a controller does between two moves."""
 
@@ -62,6 +65,17 @@ class HeadProgram:
     stops: Stops
     begins: int = 0  # stops above which the print has not begun: start code
     ends: int | None = None  # stops above which it has: below is end code; None: there is none
+
+    @property
+    def prints(self) -> NDArray[np.bool_]:
+        """Which moves lay a bead, (m,)."""
+        moves = np.linalg.norm(np.diff(self.points, axis=0), axis=1) > 0.0
+        return np.asarray((self.filament > STILL_MM) & moves)
+
+    @property
+    def laid_mm(self) -> float:
+        """Length of all beads."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1)[self.prints].sum())
 
     @property
     def rests(self) -> NDArray[np.bool_]:

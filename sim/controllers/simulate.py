@@ -18,8 +18,6 @@ from sim.controllers.nearness import Contact, Near, course_of, nearness, positio
 from sim.controllers.program import Floats, HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
 
-STILL_MM = 1e-6  # filament that is none
-
 
 @dataclass(frozen=True, slots=True)
 class Wait:
@@ -217,18 +215,12 @@ def _end(programs: Sequence[HeadProgram], run: Run) -> float:
 
 def _of_beads(program: HeadProgram, times: Floats, place: int) -> float:
     """Return the time of the first bead or the last; 0 for the begin of a plan."""
-    beads = np.flatnonzero(_prints(program))
+    beads = np.flatnonzero(program.prints)
     return float(times[beads[place]]) if len(beads) and program.line.any() else 0.0
 
 
-def _prints(program: HeadProgram) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which moves lay a bead, (m,)."""
-    moves = np.linalg.norm(np.diff(program.points, axis=0), axis=1) > 0.0
-    return np.asarray((program.filament > STILL_MM) & moves)
-
-
 def _figures(run: Run, h: int, program: HeadProgram, begin: float, end: float) -> HeadFigures:
-    head, prints = run.heads[h], _prints(program)
+    head, prints = run.heads[h], program.prints
     within = (head.begin >= begin - 1e-9) & (head.end <= end + 1e-9)
     taken = np.where(within, head.end - head.begin, 0.0)
     printing, moving = float(taken[prints].sum()), float(taken[~prints].sum())

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from sim.controllers.program import StopKind
-from sim.controllers.simulate import STILL_MM, Simulation
+from sim.controllers.simulate import Simulation
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 
 WAITS, TRAVELS = "#d62728", "#bbbbbb"
@@ -50,8 +50,7 @@ def draw_run(path: Path | str, simulation: Simulation) -> None:
 def _draw_head(axis: Any, simulation: Simulation, h: int, minutes: float) -> None:
     """Draw what a head does most in each span of time."""
     program, run = simulation.programs[h], simulation.run.heads[h]
-    moves = np.linalg.norm(np.diff(program.points, axis=0), axis=1) > 0.0
-    prints = (program.filament > STILL_MM) & moves
+    prints = program.prints
     zero, edges = simulation.begin_s, np.linspace(0.0, minutes * 60.0, SLOTS + 1)
     waits = program.stops.kind == StopKind.WAIT
     spans = [

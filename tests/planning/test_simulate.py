@@ -109,6 +109,27 @@ def test_files_that_do_not_belong_together_are_refused(made):
         simulate([plan], "dual-gantry")
 
 
+def test_files_of_another_plan_are_refused(made, tmp_path):
+    """Else their time would be compared with a plan they have nothing to do with."""
+    plan, files, _ = made
+    other = [tmp_path / path.name for path in files]
+    for path, spoilt in zip(files, other, strict=True):
+        lines = path.read_text().splitlines()
+        beads = [k for k, line in enumerate(lines) if line.startswith("G1 X") and " E" in line]
+        gone = set(beads[: len(beads) // 10])
+        spoilt.write_text("\n".join(line for k, line in enumerate(lines) if k not in gone))
+    with pytest.raises(InputError, match="mm of beads here"):
+        simulate([plan, *other])
+
+
+def test_a_file_of_no_known_printer_is_run(made, tmp_path):
+    """One head alone touches no other, so its shape does not matter."""
+    said = []
+    found = simulate([slab(tmp_path / "slab.gcode")], report=said.append)
+    assert found.simulation.makespan_s > 100.0
+    assert any("no printer is known" in getattr(event, "text", "") for event in said)
+
+
 @pytest.mark.parametrize("options", [{"size": 1.0}, {"trials": 0}, {"queue": 0}])
 def test_options_that_mean_nothing_are_refused(made, options):
     with pytest.raises(InputError):
@@ -132,3 +153,4 @@ def test_the_command_shows_and_keeps_what_happened(made, tmp_path, capsys):
     figures = json.loads(capsys.readouterr().out)
     assert figures["schema"] == "decmcts-simulation/1" and figures["safe"] is True
     assert run(["simulate", str(tmp_path / "none.gcode")]) == 2
+    assert run(["simulate", str(plan), "--csv", "-"]) == 2

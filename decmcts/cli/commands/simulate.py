@@ -19,7 +19,12 @@ from decmcts.errors import InputError
 from decmcts.planning.events import Step
 from decmcts.planning.simulate import Simulated
 from decmcts.planning.simulate import simulate as run
-from decmcts.planning.writing.places import put, refuse_other_suffixes, refuse_unwritable
+from decmcts.planning.writing.places import (
+    put,
+    refuse_other_suffixes,
+    refuse_stdout,
+    refuse_unwritable,
+)
 from decmcts.print.figures import clock_time
 from sim.controllers.events import events_of
 from sim.controllers.motion import QUEUE
@@ -110,6 +115,8 @@ def simulate(
     """Run files as their controllers would; exit code 1 if heads touch or wait for ever."""
     refuse_unwritable([events, csv, picture], *inputs)
     refuse_other_suffixes(None, None, picture)
+    for path, option in ((events, "--events"), (csv, "--csv"), (picture, "--picture")):
+        refuse_stdout(path, option)
     with steps() as told:
         found = run(
             list(inputs), machine, timing=timing, size=error, trials=trials, seed=seed,
@@ -253,7 +260,8 @@ def nearest_lines(found: Simulated) -> list[str]:
             f"{clock_time(max(ends))}"
         )
     touch = simulation.contacts
-    lines.append(f"{touch} contact{'s' * (touch != 1)} of heads")
+    if len(names) > 1:
+        lines.append(f"{touch} contact{'s' * (touch != 1)} of heads")
     stuck = {names[h] for trial in simulation.trials for h, _ in trial.stuck}
     if stuck:
         lines.append(f"waits for ever: {', '.join(sorted(stuck))}")
