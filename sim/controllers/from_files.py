@@ -18,10 +18,13 @@ from decmcts.formats.gcode.controller.limits import parameters, state_limits, st
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
 from sim.controllers.heating import Heaters
-from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
+from sim.controllers.program import Floats, HeadProgram, StopKind, Stops, stops_of
 from sim.heads.file import HeadFile, read_head_file
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
+
+
+FIRST_FEED = 25.0  # mm/s, as Marlin's, before a file names one
 
 
 def programs_of_files(
@@ -80,7 +83,7 @@ def _program(
     rows = state_limits(file.track.table, limits.under(stated), stated)
     moves, line = file_program(file.lines, file.motion, file.track, rows)
     stops, begins, ends = _stops(file, line, index, heat_s=heat_s)
-    feed = moves.feed * rows[moves.row, FACTOR]
+    feed = _in_force(moves.feed) * rows[moves.row, FACTOR]
     rests = moves.rest.copy()
     inside = stops.before[stops.rests]
     rests[inside[inside < len(rests)]] = True
@@ -89,6 +92,12 @@ def _program(
         moves.row.astype(np.int64), tuple(limits_of(row) for row in rows), moves.rest,
         np.cumsum(rests), line.astype(np.int64), stops, begins, ends,
     )  # fmt: skip
+
+
+def _in_force(feed: Floats) -> Floats:
+    """Return the feeds in force, (m,): controllers pass over those that are not above 0."""
+    last = np.maximum.accumulate(np.where(feed > 0.0, np.arange(len(feed)), -1))
+    return np.where(last >= 0, feed[np.maximum(last, 0)], FIRST_FEED)
 
 
 def _limits_for(file: HeadFile, machine: Machine) -> MotionLimits:

@@ -122,6 +122,17 @@ def test_files_of_another_plan_are_refused(made, tmp_path):
         simulate([plan, *other])
 
 
+def test_feeds_that_are_none_are_passed_over(tmp_path):
+    """As controllers do; such a move would take no time else."""
+    begin = "G28\nG90\nM83\nG1 X10 Y10 Z0.2 F1200\n"
+    times = []
+    for feed in ("", " F0", " F-600"):
+        path = tmp_path / "feed.gcode"
+        path.write_text(f"{begin}G1 X50 Y10 E2 F600\nG1 X50 Y50 E2{feed}\n")
+        times.append(simulate([path]).simulation.makespan_s)
+    assert times[0] > 7.0 and times[1:] == [times[0]] * 2
+
+
 def test_a_file_of_no_known_printer_is_run(made, tmp_path):
     """One head alone touches no other, so its shape does not matter."""
     said = []

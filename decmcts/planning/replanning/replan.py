@@ -179,7 +179,8 @@ def _refuse_altered(source: Source, due: PrintJob, found: PrintJob) -> None:
     if not same:
         raise InputError(
             "what is left reads as other contours once it is written, so it is not planned",
-            path=source.path, advice="report this with the plan and its source",
+            path=source.path, advice="a source that primes its first bead without having retracted "
+            "before cannot be replanned yet",
         )  # fmt: skip
 
 
