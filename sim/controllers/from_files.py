@@ -7,35 +7,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from decmcts._kernels.motion.blocks import FACTOR
 from decmcts.errors import InputError
-from decmcts.formats.gcode.controller.duration import file_program
-from decmcts.formats.gcode.controller.limits import parameters, state_limits, stated_limits
+from decmcts.formats.gcode.controller.duration import dwell_seconds, file_program
+from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
 from sim.controllers.heating import Heaters
-from sim.controllers.program import Floats, HeadProgram, StopKind, Stops, stops_of
+from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops, stops_of
 from sim.heads.file import HeadFile, read_head_file
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
-
-
 FIRST_FEED = 25.0  # mm/s, as Marlin's, before a file names one
 
 
-def programs_of_files(
-    paths: Sequence[Path], machine: Machine, *, heat_s: bool = True
-) -> tuple[HeadProgram, ...]:
+def programs_of_files(paths: Sequence[Path], machine: Machine) -> tuple[HeadProgram, ...]:
     """Return the program of each file, in the order in which their headers name heads.
-
-    Parameters
-    ----------
-    heat_s : bool
-        Whether heating takes time.
 
     Raises
     ------
@@ -54,7 +46,7 @@ def programs_of_files(
                     f"waits for number {sync.number}, which no file gives", path=file.path,
                     line=sync.line, advice="name the files of all heads",
                 )  # fmt: skip
-    return tuple(_program(file, machine, index, heat_s=heat_s) for file in files)
+    return tuple(_program(file, machine, index) for file in files)
 
 
 def _together(files: Sequence[HeadFile]) -> list[HeadFile]:
@@ -75,23 +67,19 @@ def _together(files: Sequence[HeadFile]) -> list[HeadFile]:
     return found
 
 
-def _program(
-    file: HeadFile, machine: Machine, index: dict[int, int], *, heat_s: bool
-) -> HeadProgram:
+def _program(file: HeadFile, machine: Machine, index: dict[int, int]) -> HeadProgram:
     limits = _limits_for(file, machine)
     stated = stated_limits(file.lines.text)
     rows = state_limits(file.track.table, limits.under(stated), stated)
     moves, line = file_program(file.lines, file.motion, file.track, rows)
-    stops, begins, ends = _stops(file, line, index, heat_s=heat_s)
+    stops, begins, ends = _stops(file, line, index)
     feed = _in_force(moves.feed) * rows[moves.row, FACTOR]
-    rests = moves.rest.copy()
-    inside = stops.before[stops.rests]
-    rests[inside[inside < len(rests)]] = True
-    return HeadProgram(
+    program = HeadProgram(
         file.name or Path(file.path).name, moves.points, moves.filament, feed,
         moves.row.astype(np.int64), tuple(limits_of(row) for row in rows), moves.rest,
-        np.cumsum(rests), line.astype(np.int64), stops, begins, ends,
+        np.zeros(len(feed), np.int64), line.astype(np.int64), stops, begins, ends,
     )  # fmt: skip
+    return replace(program, action=np.cumsum(program.rests))
 
 
 def _in_force(feed: Floats) -> Floats:
@@ -107,10 +95,7 @@ def _limits_for(file: HeadFile, machine: Machine) -> MotionLimits:
     return machine.limits
 
 
-def _stops(
-    file: HeadFile, line: np.ndarray[tuple[int], np.dtype[np.int64]], index: dict[int, int], *,
-    heat_s: bool,
-) -> tuple[Stops, int, int | None]:  # fmt: skip
+def _stops(file: HeadFile, line: Ints, index: dict[int, int]) -> tuple[Stops, int, int | None]:
     """Return what stands between moves, and how many stops are above the print and above its end.
 
     `line` has the line of each move, from 1.
@@ -124,11 +109,9 @@ def _stops(
     heaters = Heaters()
     for row, code in file.others:
         if _DWELLS.match(code):
-            given = parameters(code.decode("latin-1"))
-            seconds = max(0.0, given.get("S", given.get("P", 0.0) / 1000.0))
-            found.append((row, StopKind.DWELL, -1, seconds))
+            found.append((row, StopKind.DWELL, -1, dwell_seconds(file.lines, row - 1)))
         elif (seconds := heaters.take(code)) > 0.0:
-            found.append((row, StopKind.DWELL, -1, seconds if heat_s else 0.0))
+            found.append((row, StopKind.DWELL, -1, seconds))
         elif _RESTS.match(code):
             found.append((row, StopKind.REST, -1, 0.0))
     found.sort(key=lambda stop: stop[0])

@@ -22,7 +22,6 @@ QUEUE = 16  # moves, as Marlin's
 AXES = 4  # x, y, z and filament
 _FEED, _RATE, _JERK, _OWN = 0, 4, 8, 12  # columns of a row of limits
 _DEVIATION = 15
-_WIDTH = 16
 STILL = 1e-9
 APART = -1.0  # for a speed between two moves: the head comes to rest there
 STOP_SHARE = 0.99  # of a corner's speed: where stopping costs no more, controllers stop

@@ -142,12 +142,7 @@ def _pair(
         courses[a], courses[b], shapes[a], shapes[b], rails, machine.head_clearance_mm - TOUCH_MM,
         max(fastest, 1.0), span[0], span[1], bins, least, found,
     )  # fmt: skip
-    contacts = tuple(
-        Contact(
-            pair, row[0], row[1] - row[0], row[2], _two(row[3:9]), "rail" if row[9] else "bodies"
-        )
-        for row in found[:n].tolist()
-    )
+    contacts = tuple(_contact(pair, row) for row in found[:n].tolist())
     gap, time_s, rail = least[:3].tolist()
     return Near(pair, gap, time_s, _two(least[3:9].tolist()), rail, bins, contacts)
 

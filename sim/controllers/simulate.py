@@ -135,13 +135,15 @@ def simulate(
     for n, (name, errors) in enumerate(drawn, 1):
         told(n, expected)
         found.append(_trial(name, programs, profiles, errors, run_with(errors), machine, heads))
-    begin = _begin(programs, nominal)
-    figures = tuple(
-        _figures(nominal, h, program, begin, _end(programs, nominal))
-        for h, program in enumerate(programs)
+    begin, end, waits = (
+        _begin(programs, nominal),
+        _end(programs, nominal),
+        _waits(programs, nominal),
     )
-    return Simulation(programs, profiles, nominal, begin, figures, _waits(programs, nominal),
-                      tuple(found))  # fmt: skip
+    figures = tuple(
+        _figures(nominal, h, program, begin, end, waits) for h, program in enumerate(programs)
+    )
+    return Simulation(programs, profiles, nominal, begin, figures, waits, tuple(found))
 
 
 def _head_of(machine: Machine, program: HeadProgram, place: int) -> Head:
@@ -219,12 +221,14 @@ def _of_beads(program: HeadProgram, times: Floats, place: int) -> float:
     return float(times[beads[place]]) if len(beads) and program.line.any() else 0.0
 
 
-def _figures(run: Run, h: int, program: HeadProgram, begin: float, end: float) -> HeadFigures:
+def _figures(
+    run: Run, h: int, program: HeadProgram, begin: float, end: float, waits: Sequence[Wait]
+) -> HeadFigures:
     head, prints = run.heads[h], program.prints
     within = (head.begin >= begin - 1e-9) & (head.end <= end + 1e-9)
     taken = np.where(within, head.end - head.begin, 0.0)
     printing, moving = float(taken[prints].sum()), float(taken[~prints].sum())
-    waiting = sum(wait.seconds for wait in _waits_of(program, run, h) if wait.begin_s >= begin)
+    waiting = sum(wait.seconds for wait in waits if wait.head == h and wait.begin_s >= begin)
     rest = max(0.0, end - begin - printing - moving - waiting)
     inner = program.rests[1:] & prints[1:] & prints[:-1] & np.equal(
         program.action[1:], program.action[:-1]

@@ -99,7 +99,7 @@ def text_time(
     rows = state_limits(track.table, limits.under(stated), stated, own=own_limits)
     program, line = file_program(lines, motion, track, rows)
     seconds = program.seconds()
-    dwell = sum(_dwell(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
+    dwell = sum(dwell_seconds(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
     changes = _change_seconds(lines, motion)
     over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
     printing = _print_seconds(lines, program, seconds, line) + changes
@@ -124,7 +124,7 @@ def _print_seconds(
     dwells = _lines_of(lines, 71, (40,)) + 1
     inside = dwells[(dwells > line[first]) & (dwells < line[last])] - 1
     moving = float(seconds[first : last + 1].sum())
-    return moving + sum(_dwell(lines, n) for n in inside.tolist())
+    return moving + sum(dwell_seconds(lines, n) for n in inside.tolist())
 
 
 def _beads(program: Program) -> NDArray[np.int64]:
@@ -206,7 +206,7 @@ def _lines_of(lines: Lines, letter: int, codes: tuple[int, ...]) -> NDArray[np.i
     return np.flatnonzero((lines.letter == letter) & np.isin(lines.code, codes)).astype(np.int64)
 
 
-def _dwell(lines: Lines, line: int) -> float:
+def dwell_seconds(lines: Lines, line: int) -> float:
     """Return the seconds of a G4: P in milliseconds or S in seconds."""
     given = parameters(lines.raw(line).decode("latin-1").split(";", 1)[0])
     return max(0.0, given.get("S", given.get("P", 0.0) / 1000.0))
