@@ -7,7 +7,6 @@ takes longer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,38 +14,29 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import MotionLimits
-from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
+from decmcts.print.signals import Place, places_of
 from sim.content.seams import Moved, run_of
 from sim.controllers.motion import QUEUE, profile_of
 from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops, stops_of
 
 HAIR_S = 1e-4  # by which an action may be shorter than the plan says
-Signals = dict[tuple[int, int, int], int]  # head, action and point -> index of a signal
+Signals = dict[Place, int]  # index of the signal of each
 
 
 def programs_of_plan(document: PlanDocument, queue: int = QUEUE) -> tuple[HeadProgram, ...]:
     """Return the program of each head of a plan that the judge has passed, or not."""
-    signals = _signals(document.plan.heads)
+    signals = _signals(document.plan)
     return tuple(_program(document, h, signals, queue) for h in range(len(document.plan.heads)))
 
 
-def _signals(heads: Sequence[HeadActions]) -> Signals:
+def _signals(plan: JointPlan) -> Signals:
     """Return the index of the signal of each place that another head waits for."""
-    found: set[tuple[int, int, int]] = set()
-    for h, head in enumerate(heads):
-        for g, a, p in zip(
-            head.after_head.tolist(), head.after_action.tolist(), head.after_point.tolist(),
-            strict=True,
-        ):  # fmt: skip
-            if g != h:
-                found.add((g, a, _point(heads[g], a, p)))
+    found = {
+        place for h, head in enumerate(plan.heads) for place in places_of(plan, head)
+        if place[0] != h
+    }  # fmt: skip
     return {place: k for k, place in enumerate(sorted(found))}
-
-
-def _point(head: HeadActions, action: int, point: int) -> int:
-    """Return a point of an action's path, `ACTION_END` for its last."""
-    last = int(head.path_offsets[action + 1] - head.path_offsets[action]) - 1
-    return ACTION_END if point in (ACTION_END, last) else point
 
 
 def _program(document: PlanDocument, h: int, signals: Signals, queue: int) -> HeadProgram:
@@ -116,6 +106,7 @@ def _stops(
     """Return what stands between the moves of one head."""
     actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
     at_rest = document.machine.release == "action"
+    awaited = places_of(document.plan, actions)
     place = np.searchsorted(action, np.arange(len(actions) + 1))
     due = actions.end_s - actions.begin_s - motion
     mine: dict[int, list[tuple[int, int]]] = {}
@@ -123,11 +114,10 @@ def _stops(
         if g == h:
             mine.setdefault(a, []).append((point, number))
     for a in range(len(actions)):
-        for edge in actions.after_edges(a):
-            if edge.head != h:
-                other = document.plan.heads[edge.head]
-                key = (edge.head, edge.action, _point(other, edge.action, edge.point))
-                rows.append((int(place[a]), StopKind.WAIT, signals[key], edge.lag_s))
+        for edge in range(int(actions.after_offsets[a]), int(actions.after_offsets[a + 1])):
+            if awaited[edge][0] != h:
+                number, lag_s = signals[awaited[edge]], float(actions.after_lag_s[edge])
+                rows.append((int(place[a]), StopKind.WAIT, number, lag_s))
         if due[a] > HAIR_S:
             rows.append((int(place[a]), StopKind.DWELL, -1, float(due[a])))
         for point, number in sorted(mine.get(a, ()), key=lambda x: (x[0] == ACTION_END, x[0])):

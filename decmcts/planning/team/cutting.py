@@ -48,6 +48,7 @@ class Swept:
     problem: PrintProblem
     order: StatedOrder
     makespan_s: float  # estimate
+    team: TeamProblem  # the print as heads plan it
 
 
 def best_sweep(
@@ -85,14 +86,16 @@ def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) ->
     if pieces is None or pieces.problem.whole is None:
         found = [each for each in (whole, pieces) if each is not None]
         return min(found, key=lambda each: each.makespan_s, default=None)
-    uncut = _reached(problem, math.inf if whole is None else whole.makespan_s)
-    return pieces if _reached(pieces.problem, pieces.makespan_s) < GAIN * uncut else whole
+    if whole is None:
+        uncut = first_policies_s(build_team_problem(problem.job, problem.machine, problem.graph))
+    else:
+        uncut = _reached(whole)
+    return pieces if _reached(pieces) < GAIN * uncut else whole
 
 
-def _reached(problem: PrintProblem, sweep_s: float) -> float:
+def _reached(found: Swept) -> float:
     """Return when heads end by their sweep, or by the first policies where that is sooner, s."""
-    team = build_team_problem(problem.job, problem.machine, problem.graph)
-    return min(sweep_s, first_policies_s(team))
+    return min(found.makespan_s, first_policies_s(found.team))
 
 
 def _swept(
@@ -135,7 +138,7 @@ def _judged(problem: PrintProblem, team: TeamProblem, order: StatedOrder) -> Swe
         return None
     heads = range(len(problem.machine.heads))
     plan = encode_stated(order, len(heads), team.n_macros)
-    return Swept(problem, order, resolve(team, {0: plan}, heads).makespan_s)
+    return Swept(problem, order, resolve(team, {0: plan}, heads).makespan_s, team)
 
 
 def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
