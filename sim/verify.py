@@ -23,6 +23,7 @@ from sim.content.pieces import parted_source
 from sim.content.same_print import (
     check_accelerations,
     check_contours,
+    check_living,
     check_machine,
     check_print,
     is_other_print,
@@ -49,6 +50,7 @@ from sim.replay.execution import (
     shared_pieces,
     timing_factors,
 )
+from sim.replay.fenced import check_fenced
 from sim.replay.growth import beads_for, beads_there, moves_of
 from sim.replay.material import find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_times
@@ -169,8 +171,11 @@ def _check_content(
         faults.append(Fault(FaultKind.CONTOUR, text))
     if source is not None:
         faults += check_accelerations(document.acceleration, source)
+    if document.fenced is not None:
+        faults += check_living(document.machine, document.fenced)
     if machine is not None:
-        faults += check_machine(document.machine, machine, source)
+        whole = document.machine if document.fenced is None else document.fenced.machine
+        faults += check_machine(whole, machine, source)
     return faults
 
 
@@ -204,7 +209,7 @@ def _check_execution(
     beside = None if met else min(gaps, key=lambda gap: gap.mm, default=None)
     faults = check_times(document, legs.whole) + check_signals(document, legs.whole) + met
     counts["pairs"] = count_pairs(legs, order)
-    faults += check_heads(document, legs, order)
+    faults += check_heads(document, legs, order) + check_fenced(document)
     faults += check_rail(document, legs, order)
     arrivals = [arrivals_of(document, actions) for actions in legs.whole]
     faults += check_cooling(document, legs, order, arrivals)

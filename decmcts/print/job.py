@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
-from decmcts.print.machine import MotionLimits
+from decmcts.print.machine import Fenced, MotionLimits
 
 DEFAULT_TRAVEL = 100.0  # mm/s, where the source names none
 
@@ -100,6 +100,7 @@ class PrintJob:
     # ending at each point of the contours, NaN where nothing sets it; None: nowhere
     refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause
     printed: Contours | None = None  # what stands on the bed before anything here is printed
+    fenced: Fenced | None = None  # heads that stand in the way and print no more
 
     @property
     def accelerations(self) -> NDArray[np.float64]:

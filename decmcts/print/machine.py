@@ -7,6 +7,7 @@ Units mm, mm/s, mm/s².
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
+Point = tuple[float, float, float]  # x, y, z
 Release = Literal["point", "action"]
 
 
@@ -126,3 +128,11 @@ class Machine:
         """Return the machine with this head and no other, under the limits the head has."""
         lone = replace(head, limits=None)
         return replace(self, heads=(lone,), rails=(), limits=self.limits_of(head))
+
+
+@dataclass(frozen=True, slots=True)
+class Fenced:
+    """Heads that print no more and stand where they stopped: nothing may come near them."""
+
+    machine: Machine  # with them and their rails, as it was before
+    at: Mapping[str, Point]  # where the nozzle of each stands, mm

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Fenced, Machine
 from decmcts.print.metrics import Metrics
 
 
@@ -129,3 +129,4 @@ class PlanDocument:
     # (n_points,) mm/s² set for the segment ending at each point of the contours; 0: the head's
     # own; None: it does not say
     printed: Contours | None = None  # what stands on the bed before the plan begins
+    fenced: Fenced | None = None  # heads that stand in the way and print no more

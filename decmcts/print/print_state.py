@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.print.machine import Point
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
 
-Point = tuple[float, float, float]
 SAME_S = 1e-3  # events so near in time may stand in any order
 NEAR_MM = 0.01  # a nozzle so near to a bead's begin has printed nothing of it
 
@@ -60,8 +60,14 @@ def state_of_layers(document: PlanDocument, layers: int) -> PrintState:
     Raises
     ------
     InputError
-        Where the print has not so many layers, or the order does not allow that state.
+        Where the print has not so many layers, or the order does not allow that state; for the
+        rest of a print, whose layers are not those of the print.
     """
+    if document.printed is not None:
+        raise InputError(
+            "this plan is the rest of a print, and counts layers from its own first",
+            advice="give the height that is printed: --height Z",
+        )
     layer = document.contours.layer
     count = int(layer.max(initial=-1)) + 1
     if not 1 <= layers <= count:
@@ -69,7 +75,29 @@ def state_of_layers(document: PlanDocument, layers: int) -> PrintState:
             f"layer {layers}: the plan has layers 1 to {count}",
             advice="name the last layer that is printed whole",
         )
-    done = layer < layers
+    return _printed_state(document, layer < layers)
+
+
+def state_of_height(document: PlanDocument, height_mm: float) -> PrintState:
+    """Return the state in which all is printed whose beads end at a height, and nothing above.
+
+    Raises
+    ------
+    InputError
+        Where nothing is printed so low, or the order does not allow that state.
+    """
+    top = document.contours.top
+    lowest = float(top.min(initial=np.inf))
+    if not lowest <= height_mm + NEAR_MM:
+        raise InputError(
+            f"height {height_mm:g} mm: the lowest bead of the plan ends at {lowest:g} mm",
+            advice="name the height up to which all is printed",
+        )
+    return _printed_state(document, top <= height_mm + NEAR_MM)
+
+
+def _printed_state(document: PlanDocument, done: NDArray[np.bool_]) -> PrintState:
+    """Return the state in which these contours are printed, (n,) `done`."""
     heads = tuple(HeadState(head.head, 0) for head in document.plan.heads)
     return _closed(document, PrintState(heads, done))
 

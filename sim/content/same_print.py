@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import PER_CONTOUR, Contours
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Head, Machine, MotionLimits
+from decmcts.print.machine import Fenced, Head, Machine, MotionLimits
 from sim.content.inventory import NO_MATCH, Segments
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
@@ -129,6 +129,34 @@ def check_machine(ours: Machine, named: Machine, source: PrintJob | None) -> lis
     if source is not None:
         faults += _check_limits(ours.limits, named.limits, source.limits)
     return faults
+
+
+def check_living(ours: Machine, fenced: Fenced) -> list[Fault]:
+    """Compare a plan's machine with the one it had before heads of it were fenced.
+
+    Those that live are as they were, but that they may reach less far.
+    """
+    names = {head.name for head in ours.heads}
+    if names & set(fenced.at):
+        return [_differs("heads", ", ".join(sorted(names)), "those that are not fenced")]
+    known = {head.name: head for head in ours.heads}
+    heads = tuple(
+        _lessened(head, known[head.name]) for head in fenced.machine.heads if head.name in known
+    )
+    rails = tuple(
+        replace(rail, order=tuple(name for name in rail.order if name in names))
+        for rail in fenced.machine.rails
+    )
+    kept = tuple(rail for rail in rails if len(rail.order) > 1)
+    due = replace(fenced.machine, heads=heads, rails=kept)
+    return check_machine(ours, due.alone(heads[0]) if len(heads) == 1 else due, None)
+
+
+def _lessened(head: Head, ours: Head) -> Head:
+    """Return a head with our reach, where that is no larger."""
+    within = all(a <= b for a, b in zip(head.reach_min, ours.reach_min, strict=True))
+    within &= all(a <= b for a, b in zip(ours.reach_max, head.reach_max, strict=True))
+    return replace(head, reach_min=ours.reach_min, reach_max=ours.reach_max) if within else head
 
 
 def _check_head(ours: Head, named: Head, *, alone: bool) -> list[Fault]:

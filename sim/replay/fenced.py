@@ -5,44 +5,36 @@ What moves is looked at as boxes around whole moves, which is more careful than 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.machine import Head, Machine
+from decmcts.print.machine import Head, Machine, Point
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.growth import beads_there, moves_of
 from sim.replay.material import find_contacts
 from sim.replay.shapes import as_material, parts_of
 
-Place = tuple[float, float, float]
 TOLERANCE_MM = 1e-4
 
 
-def check_fenced(
-    document: PlanDocument, whole: Machine, fenced: Mapping[str, Place]
-) -> list[Fault]:
-    """Check that no head of a plan comes near heads that are fenced, nor prints into them.
-
-    Parameters
-    ----------
-    whole : Machine
-        The machine with the fenced heads and its rails.
-    fenced : Mapping[str, Place]
-        Where each stands, mm.
-    """
-    gone = {head.name: head for head in whole.heads if head.name in fenced}
+def check_fenced(document: PlanDocument) -> list[Fault]:
+    """Check that no head of a plan comes near heads that are fenced, nor prints into them."""
+    if document.fenced is None:
+        return []
+    whole, at = document.fenced.machine, document.fenced.at
+    gone = {head.name: head for head in whole.heads if head.name in at}
     given = {actions.head: actions for actions in document.plan.heads}
     met: list[str] = []
     within: list[str] = []
     for name, head in gone.items():
         for mine in document.machine.heads:
             moves = _moves(mine, given.get(mine.name))
-            met += _met(whole, mine, moves, head, fenced[name])
-        within += _printed_into(document, head, fenced[name])
+            met += _met(whole, mine, moves, head, at[name])
+        within += _printed_into(document, head, at[name])
     return [*listed(FaultKind.HEAD_HEAD, met), *listed(FaultKind.HEAD_MATERIAL, within)]
 
 
@@ -54,7 +46,7 @@ def _moves(head: Head, actions: HeadActions | None) -> NDArray[np.float64]:
 
 
 def _met(
-    machine: Machine, mine: Head, moves: NDArray[np.float64], gone: Head, place: Place
+    machine: Machine, mine: Head, moves: NDArray[np.float64], gone: Head, place: Point
 ) -> list[str]:
     """Say in which moves a head comes nearer to a fenced one than it may."""
     low = np.minimum(moves[:, :3], moves[:, 3:])
@@ -89,7 +81,7 @@ def _boxes(head: Head) -> list[NDArray[np.float64]]:
     ]
 
 
-def _printed_into(document: PlanDocument, gone: Head, place: Place) -> Sequence[str]:
+def _printed_into(document: PlanDocument, gone: Head, place: Point) -> Sequence[str]:
     """Say what is printed where a fenced head stands."""
     if not any(ActionKind.PRINT in actions.kind for actions in document.plan.heads):
         return []

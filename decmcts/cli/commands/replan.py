@@ -17,6 +17,7 @@ from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.summary import gain_table
 from decmcts.errors import InputError
+from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import SliceOptions, is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
@@ -32,7 +33,12 @@ from decmcts.planning.writing.heads import head_files, stem_of
 from decmcts.planning.writing.lines import source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
 from decmcts.print.plan import PlanDocument
-from decmcts.print.print_state import PrintState, state_of_events, state_of_layers
+from decmcts.print.print_state import (
+    PrintState,
+    state_of_events,
+    state_of_height,
+    state_of_layers,
+)
 
 PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json that was carried out")]
 SourceOption = Annotated[
@@ -57,6 +63,15 @@ PrintedOption = Annotated[
         rich_help_panel=opt.BASICS,
         metavar="N",
         help="Layers 1 to N are printed, and nothing above",
+    ),
+]
+HeightOption = Annotated[
+    float | None,
+    typer.Option(
+        "--height",
+        rich_help_panel=opt.BASICS,
+        metavar="Z",
+        help="What ends Z mm above the bed or lower is printed, and nothing above",
     ),
 ]
 FencedOption = Annotated[
@@ -94,6 +109,7 @@ def replan(
     source: SourceOption,
     events: EventsOption = None,
     layer: PrintedOption = None,
+    height: HeightOption = None,
     fenced: FencedOption = None,
     left_beads: LeftOption = LeftBeads.LEAVE,
     output: StemOption = None,
@@ -109,11 +125,11 @@ def replan(
         raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")
     document = read_plan(plan)
     stem = None if output is None else stem_of(output)
-    heads = [] if stem is None else head_files(stem, document.machine)
+    heads = [] if stem is None else [*head_files(stem, document.machine), _rest_file(stem)]
     also = [plan] if events is None else [plan, events]
     refuse_unwritable([*heads, plan_file], source, *also)
     refuse_other_suffixes(plan_file, None, None)
-    state = _state(document, events, layer)
+    state = _state(document, events, layer, height)
     places = fenced_places(fenced or [], document.machine, state, seen=events is not None)
     cut = Cut.NONE if document.rules is None else Cut(document.rules.cut)
     search = TeamSearch(time_limit, seed, cut=cut)
@@ -125,33 +141,45 @@ def replan(
         result = plan_rest(
             rest, search, rules_of(document), writes=stem is not None, report=show, stop=stop
         )  # fmt: skip
-    paths = _write(result, stem, plan_file)
+    paths = _write(result, rest, stem, plan_file)
     with written():
-        _show(result, rest, document, paths, as_json=as_json)
+        _show(result, rest, document, source, paths, as_json=as_json)
 
 
-def _state(document: PlanDocument, events: Path | None, layer: int | None) -> PrintState:
-    """Return what is printed, by events or by layers."""
-    if (events is None) == (layer is None):
+def _state(
+    document: PlanDocument, events: Path | None, layer: int | None, height: float | None
+) -> PrintState:
+    """Return what is printed, by events, layers or height."""
+    given = sum(one is not None for one in (events, layer, height))
+    if given != 1:
         raise InputError(
-            "what is printed is not known" if events is None else "two states of the print",
-            advice="give --events FILE or --layer N, one of them",
+            "several states of the print" if given else "what is printed is not known",
+            advice="give --events FILE, --layer N or --height Z, one of them",
         )
-    if events is None:
-        return state_of_layers(document, layer or 0)
+    if layer is not None:
+        return state_of_layers(document, layer)
+    if height is not None:
+        return state_of_height(document, height)
+    assert events is not None  # one of the three is given
     try:
         return state_of_events(document, read_events(events))
     except InputError as error:
         raise InputError(error.what, path=events, advice=error.advice) from error
 
 
-def _write(result: Result, stem: Path | None, plan_file: Path | None) -> list[Path]:
+def _rest_file(stem: Path) -> Path:
+    """Return the name of the rest as one print, from which it can be judged and replanned again."""
+    return stem.with_name(f"{stem.name}.gcode")
+
+
+def _write(result: Result, rest: Rest, stem: Path | None, plan_file: Path | None) -> list[Path]:
     """Write what was asked for; a first Ctrl-C lets everything be written."""
     paths = list[Path]()
     with interrupt_stops(), steps() as told:
         if stem is not None:
             told(Step("putting the files of all heads in place"))
-            paths = list(result.write_gcode(stem, report=told).paths)
+            save_text(rest.source.path.read_bytes(), _rest_file(stem))
+            paths = [*result.write_gcode(stem, report=told).paths, _rest_file(stem)]
         if plan_file is not None:
             result.write_plan(plan_file)
             paths.append(plan_file)
@@ -159,8 +187,9 @@ def _write(result: Result, stem: Path | None, plan_file: Path | None) -> list[Pa
 
 
 def _show(
-    result: Result, rest: Rest, document: PlanDocument, paths: list[Path], *, as_json: bool
-) -> None:
+    result: Result, rest: Rest, document: PlanDocument, source: Path, paths: list[Path], *,
+    as_json: bool,
+) -> None:  # fmt: skip
     """Print the summary of the rest."""
     planned = result.planned
     live = [head.name for head in planned.problem.machine.heads]
@@ -176,7 +205,7 @@ def _show(
     for note in (*source_lines(planned.problem.job), *lines_of(after["team"])):
         err.print(note, soft_wrap=True)
     said = f"{whole} contours: {rest.done} printed or begun, {left} left out; the rest is for "
-    out.print(f"{rest.source.path.name}, {said}{', '.join(live)}", soft_wrap=True)
+    out.print(f"{source.name}, {said}{', '.join(live)}", soft_wrap=True)
     out.print(gain_table(before, after, verbose=False))
     for line in team_lines(after, [head.head for head in result.document.plan.heads]):
         out.print(line, soft_wrap=True)

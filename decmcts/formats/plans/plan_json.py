@@ -34,7 +34,7 @@ from decmcts.formats.plans.plan_contours import (
     contours_to_dicts,
 )
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Fenced, Machine, Point
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
@@ -45,6 +45,7 @@ _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "h
 _COOLING = "min_layer_time_s"  # may be left out
 _RULES = "rules"  # likewise
 _PRINTED = "printed"  # likewise
+_FENCED = "fenced"  # likewise
 _CUTS = ("none", "inside", "all")
 _CHOICES = {"process_order": ("keep", "free"), "freedom": ("fixed", "reversible", "seam")}
 _MOST_LAYERS = 2**31
@@ -83,6 +84,12 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
         if document.rules.weld_limit_s is None:
             del rules["weld_limit_s"]  # likewise
         head[_RULES] = rules
+    if document.fenced is not None:
+        whole, at = document.fenced.machine, document.fenced.at
+        head[_FENCED] = {
+            "machine": machine_to_dict(whole),
+            "at": {k: list(v) for k, v in at.items()},
+        }
     file.write(_dump(head)[:-1] + b',\n"contours":[')
     rows = contours_to_dicts(document.contours, document.machine, document.acceleration)
     _write_lines(file, rows)
@@ -134,7 +141,7 @@ def read_plan(path: Path | str) -> PlanDocument:
     if type(version) is not int or version not in _READ:
         known = " or ".join(map(str, _READ))
         given.fail("version", f"{shown(version)} is not {known}")
-    given.only(*_KEYS, _COOLING, _RULES, _PRINTED)
+    given.only(*_KEYS, _COOLING, _RULES, _PRINTED, _FENCED)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
     tables = given.tables("contours")
     contours = contours_from_dicts(tables, machine)
@@ -149,6 +156,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         _rules(given.table(_RULES)) if _RULES in given.values else None,
         acceleration_from_dicts(tables, contours),
         _printed(given, machine),
+        _fenced(given, machine),
     )
 
 
@@ -157,6 +165,25 @@ def _printed(given: Fields, machine: Machine) -> Contours | None:
     if _PRINTED not in given.values:
         return None
     return contours_from_dicts(given.tables(_PRINTED), machine)
+
+
+def _fenced(given: Fields, machine: Machine) -> Fenced | None:
+    """Return the heads that stand in the way; None: the plan says none."""
+    if _FENCED not in given.values:
+        return None
+    table = given.table(_FENCED)
+    table.only("machine", "at")
+    whole = machine_from_dict(
+        table.need("machine"), where=table.at("machine"), path=given.path
+    )  # fmt: skip
+    places = table.table("at")
+    living = {head.name for head in machine.heads}
+    known = [head.name for head in whole.heads if head.name not in living]
+    for name in places.values:
+        if name not in known:
+            places.fail(str(name), f"is none of the heads that print no more ({', '.join(known)})")
+    at = {str(name): cast(Point, places.point(str(name), 3)) for name in places.values}
+    return Fenced(whole, at)
 
 
 def _rules(table: Fields) -> OrderRules:

@@ -62,20 +62,23 @@ def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanD
         ),
         problem.job.accelerations,
         problem.job.printed,
+        problem.job.fenced,
     )  # fmt: skip
 
 
 def source_plan(problem: PrintProblem) -> PlanDocument:
     """Schedule the source's own order, the yardstick every result is compared with.
 
-    Of a machine with several heads the first prints it alone, as if it reached everything.
+    Of a machine with several heads the first prints it alone, as if it reached everything, and
+    no other stood in its way.
     """
     one = len(problem.machine.heads) == 1
     machine = problem.machine if one else lone_machine(problem.machine)
     sliced = Toolpath.as_sliced(len(problem.job.contours))
     plan = schedule(problem.job, machine, problem.graph, [sliced])
     extra: Metrics = {"planner": "slicer", "objective": "travel", "freedom": "fixed", "seed": 0}
-    return document_of(replace(problem, machine=machine), plan, extra)
+    document = document_of(replace(problem, machine=machine), plan, extra)
+    return document if one else replace(document, fenced=None)
 
 
 def check(

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM
-from decmcts.print.machine import Machine
-from decmcts.print.print_state import Point, PrintState
+from decmcts.print.machine import Machine, Point
+from decmcts.print.print_state import PrintState
 
 PARKED = "park"
 

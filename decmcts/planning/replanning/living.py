@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Head, Machine
-from decmcts.print.print_state import Point
+from decmcts.print.machine import Head, Machine, Point
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corner, (2,) mm
 BESIDE_MM = 0.01  # more than it must be: files round

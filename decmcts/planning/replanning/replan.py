@@ -24,9 +24,7 @@ from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import crew_started
 from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
-from decmcts.planning.problem.layer_by_layer import with_source_lines
 from decmcts.planning.problem.own_tools import team_problem
-from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
@@ -44,17 +42,14 @@ from decmcts.planning.replanning.rest import (
 )
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import Launch, plan_team
-from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Fenced, Machine, Point
 from decmcts.print.plan import PlanDocument
-from decmcts.print.print_state import Point, PrintState
+from decmcts.print.print_state import PrintState
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.space import able_heads
 from decmcts.team.schedule.joint_plan import schedule
-from sim.faults import Verdict
-from sim.replay.fenced import check_fenced
 
 ROUNDED_MM, ROUNDED_E_MM = 1.5e-3, 1e-4  # of what is written and read back
 HOMES = (
@@ -67,12 +62,10 @@ HOMES = (
 class Rest:
     """What is left of a print, ready to be planned."""
 
-    source: Source  # it alone, for the heads that live
+    source: Source  # it alone, for the heads that live; its path is a draft, gone with it
     left: LeftOut
     broken: tuple[Broken, ...]
     done: int  # contours of the plan that are printed, or broken off
-    whole: Machine  # the machine with all heads
-    fenced: Mapping[str, Point]  # heads that print no more, and where they stand
     missing: str = ""  # what no living head can finish, in words
 
     @property
@@ -116,14 +109,21 @@ def rest_of(
     broken = broken_beads(document, job, state, left_beads)
     left_open = ~state.done
     left_open[[one.contour for one in broken if one.rest]] = True
-    machine = living_machine(document.machine, fenced, document.contours)
+    whole, at = document.machine, dict(fenced)
+    if document.fenced is not None:
+        whole, at = document.fenced.machine, {**document.fenced.at, **at}
+    machine = living_machine(whole, at, document.contours)
     left = left_out(document, left_open, _able(document, job, machine))
     stretches = _to_print(document, job, left_open & ~left.rows, broken)
     if not stretches:
         raise InputError(left.said(document.contours) or "nothing is left to print")
-    anew = _written(source, machine, stretches, printed_contours(document, state, broken), report)
+    anew = _written(source, machine, stretches, report)
+    printed = printed_contours(document, state, broken)
+    alone = replace(
+        anew.job, name=job.name, printed=printed, fenced=Fenced(whole, at) if at else None
+    )
     done, missing = int(state.done.sum()), left.said(document.contours)
-    return Rest(anew, left, tuple(broken), done, document.machine, fenced, missing)
+    return Rest(replace(anew, job=alone), left, tuple(broken), done, missing)
 
 
 def _able(document: PlanDocument, job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
@@ -144,13 +144,9 @@ def _to_print(
 
 
 def _written(
-    source: Source, machine: Machine, stretches: Sequence[Stretch], printed: Contours | None,
-    report: Report,
+    source: Source, machine: Machine, stretches: Sequence[Stretch], report: Report
 ) -> Source:  # fmt: skip
-    """Write stretches in the order of their source, and return that as it is read back.
-
-    What is `printed` stands on the bed before it.
-    """
+    """Write stretches in the order of their source, and return that as it is read back."""
     report(Step("writing what is left as a print of its own"))
     job, document = with_stretches(source.job, source.document, stretches)
     folder, n = SlicedFolder(), len(stretches)
@@ -161,11 +157,9 @@ def _written(
     write_gcode(document, job, plan.heads[0], draft)
     anew, text = read_gcode(draft)
     _refuse_altered(source, job, anew)
-    anew = with_source_lines(anew, job, np.arange(n, dtype=np.int32))
-    anew = replace(anew, name=source.job.name, printed=printed)
     return replace(
-        source, job=anew, document=text, folder=folder, machine=machine, own_limits=False,
-        plate=None,
+        source, path=draft, job=anew, document=text, folder=folder, machine=machine,
+        own_limits=False, plate=None,
     )  # fmt: skip
 
 
@@ -227,12 +221,11 @@ def replan(
         planned = plan_team(
             problem, search, writes=writes, report=told, stop=stop, agents=agree
         )  # fmt: skip
-        faults = check_fenced(planned.after, rest.whole, rest.fenced)
-        require_passed(Verdict(tuple(faults)))
         return Result(planned, search)
 
 
 def _beside_printed(job: PrintJob, rest: Rest) -> PrintJob:
     """Return the job with what is not as in the whole print; a safe order made anew has lost it."""
-    printed = rest.source.job.printed
-    return replace(job, printed=printed, notes=(*job.notes, *rest.lines, HOMES))
+    whole = rest.source.job
+    notes = (*job.notes, *rest.lines, HOMES)
+    return replace(job, printed=whole.printed, fenced=whole.fenced, notes=notes)

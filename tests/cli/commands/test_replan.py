@@ -45,13 +45,35 @@ def test_from_events_to_files(
     assert any("broke off within contour" in note for note in said["notes"])
     assert sorted(tmp_path.glob("rest_*.gcode")) == [tmp_path / "rest_left.gcode"]
     assert run(["verify", str(rest)]) == 0
+    whole = ["verify", str(tmp_path / "rest_left.gcode"), "--plan", str(rest)]
+    assert run([*whole, "--source", str(tmp_path / "rest.gcode")]) == 0
+
+
+@pytest.mark.slow
+def test_a_rest_is_replanned_from_its_files(
+    made: Made, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]  # noqa: F811
+) -> None:  # fmt: skip
+    """Broken off twice: the second time from what the first replan wrote."""
+    rest = tmp_path / "rest.json"
+    line = ["replan", str(plan), "--source", str(made.path), "--layer", "2", "-o"]
+    line += [str(tmp_path / "rest"), "--plan", str(rest), "--time-limit", "0.2"]
+    assert run(line) == 0
+    line = ["replan", str(rest), "--source", str(tmp_path / "rest.gcode"), "--height", "0.8"]
+    line += ["--fenced", "right=park", "-o", str(tmp_path / "end"), "--time-limit", "0.2", "--json"]
+    capsys.readouterr()
+    assert run(line) == 0
+    said = json.loads(capsys.readouterr().out)["replanned"]
+    assert said["heads"] == ["left"] and said["printed"] > 0
+    assert (tmp_path / "end_left.gcode").exists() and (tmp_path / "end.gcode").exists()
 
 
 @pytest.mark.parametrize(
     ("more", "what"),
     [
         ([], "what is printed is not known"),
-        (["--layer", "2", "--events", "x"], "two states of the print"),
+        (["--layer", "2", "--events", "x"], "several states of the print"),
+        (["--height", "0.1"], "the lowest bead of the plan ends at 0.2 mm"),
+        (["--height", "nan"], "the lowest bead of the plan ends at 0.2 mm"),
         (["--layer", "99"], "the plan has layers 1 to"),
         (["--layer", "2", "--fenced", "right"], "no event says where"),
         (["--layer", "2", "--fenced", "x=park"], "no head 'x'"),

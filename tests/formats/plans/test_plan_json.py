@@ -266,6 +266,8 @@ def written(tmp_path_factory) -> Any:
     return json.loads(file.read_text())
 
 
+FENCED = machine_to_dict(load_machine("dual-gantry"))
+FENCED["heads"] = [*FENCED["heads"], {**FENCED["heads"][0], "name": "third", "park": [700, 0, 0]}]
 ACTION = ("heads", 1, "actions", 1)
 AFTER = (*ACTION, "after", 0)
 CONTOUR = ("contours", 1)
@@ -360,6 +362,11 @@ CONTOUR = ("contours", 1)
         ((*AFTER, 3), 1e999, "the number Infinity is not finite"),
         ((*AFTER, 3), None, "after[0]: a lag of None"),
         (("metrics",), 3, "metrics: expected a table"),
+        (("fenced",), 3, "fenced: expected a table"),
+        (("fenced",), {"at": {}}, "fenced.machine: missing"),
+        (("fenced",), {"machine": {}, "at": {}}, "fenced.machine"),
+        (("fenced",), {"machine": FENCED, "at": {"left": [1, 2, 3]}}, "fenced.at.left: is none"),
+        (("fenced",), {"machine": FENCED, "at": {"third": [1, 2]}}, "fenced.at.third"),
     ],
 )
 def test_malformed_plans_are_refused_with_their_place(written, tmp_path, where, value, message):

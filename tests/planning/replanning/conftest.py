@@ -17,11 +17,14 @@ from decmcts.planning.options import Limits, Rules
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import problem_of
 from decmcts.planning.problem.source import Source, read_source
+from decmcts.print.machine import Fenced, Machine, Point
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.made_print import made_gcode
+from sim.faults import Fault
+from sim.replay.fenced import check_fenced
 
 
 class Made(NamedTuple):
@@ -87,6 +90,13 @@ def within_print(document: PlanDocument, head: int, after_s: float) -> tuple[flo
         if long and actions.begin_s[k] > after_s:
             return float(actions.begin_s[k] + actions.end_s[k]) / 2.0, k
     raise AssertionError("no such bead")
+
+
+def faults_beside(
+    document: PlanDocument, machine: Machine, places: dict[str, Point]
+) -> list[Fault]:
+    """Return what the judge says of a plan beside heads that are fenced there."""
+    return check_fenced(replace(document, fenced=Fenced(machine, places)))
 
 
 @pytest.fixture

@@ -16,12 +16,19 @@ from decmcts.planning.options import TeamSearch
 from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result
+from decmcts.print.contours import taken
+from decmcts.print.machine import Fenced
 from decmcts.print.plan import ActionKind, JointPlan
-from decmcts.print.print_state import state_of_events, state_of_layers
+from decmcts.print.print_state import state_of_events, state_of_height, state_of_layers
 from sim.faults import FaultKind
-from sim.replay.fenced import check_fenced
 from sim.verify import verify_plan
-from tests.planning.replanning.conftest import Made, log_until, within_print
+from tests.planning.replanning.conftest import (
+    Made,
+    faults_beside,
+    log_until,
+    read_made,
+    within_print,
+)
 
 SEARCH = TeamSearch(0.2)
 PARKED = (345.0, 150.0, 10.0)
@@ -78,10 +85,10 @@ def test_the_judge_sees_a_head_that_comes_near_a_dead_one(made: Made, alone: Any
     state = state_of_layers(made.document, 3)
     result = planned(made, rest_of(made.document, made.source, state, {"right": PARKED}), alone)
     machine = made.document.machine
-    assert not check_fenced(result.document, machine, {"right": PARKED})
-    faults = check_fenced(result.document, machine, {"right": OVER_PRINT})
+    assert not faults_beside(result.document, machine, {"right": PARKED})
+    faults = faults_beside(result.document, machine, {"right": OVER_PRINT})
     assert {fault.kind for fault in faults} == {FaultKind.HEAD_HEAD}
-    faults = check_fenced(result.document, machine, {"right": (60.0, 100.0, 0.4)})
+    faults = faults_beside(result.document, machine, {"right": (60.0, 100.0, 0.4)})
     assert {fault.kind for fault in faults} == {FaultKind.HEAD_HEAD, FaultKind.HEAD_MATERIAL}
 
 
@@ -172,6 +179,46 @@ def _raised(result: Result) -> Any:
     return points
 
 
+@pytest.mark.slow
+def test_a_plan_says_who_is_fenced(made: Made, alone: Any, tmp_path: Path) -> None:
+    """So whoever judges it later looks there too, and sees heads that reach further."""
+    state = state_of_layers(made.document, 3)
+    result = planned(made, rest_of(made.document, made.source, state, {"right": PARKED}), alone)
+    result.write_plan(tmp_path / "rest.json")
+    read = read_plan(tmp_path / "rest.json")
+    assert read.fenced is not None and read.fenced.at == {"right": PARKED}
+    assert verify_plan(read, machine=made.document.machine).ok
+    elsewhere = replace(read, fenced=Fenced(read.fenced.machine, {"right": OVER_PRINT}))
+    assert FaultKind.HEAD_HEAD in {fault.kind for fault in verify_plan(elsewhere).faults}
+    (left,) = read.machine.heads
+    further = replace(left, reach_max=(900.0, 900.0, 900.0))
+    wide = replace(read, machine=replace(read.machine, heads=(further,)))
+    assert FaultKind.MACHINE in {fault.kind for fault in verify_plan(wide).faults}
+    living = replace(read, fenced=Fenced(read.fenced.machine, {"left": PARKED}))
+    assert FaultKind.MACHINE in {fault.kind for fault in verify_plan(living).faults}
+
+
+@pytest.mark.slow
+def test_a_rest_is_replanned_again(made: Made, alone: Any, agents: Any, tmp_path: Path) -> None:
+    """From its own source; what was printed before it stands on the bed too."""
+    state = state_of_layers(made.document, 2)
+    first = planned(made, rest_of(made.document, made.source, state, {}), agents)
+    draft = tmp_path / "rest.gcode"
+    draft.write_bytes(first.planned.problem.source.path.read_bytes())
+    again = replace(read_made(draft), machine=made.document.machine)
+    with pytest.raises(InputError, match="counts layers from its own first"):
+        state_of_layers(first.document, 1)
+    state = state_of_height(first.document, 0.6)
+    rest = rest_of(first.document, again, state, {"right": PARKED})
+    second = replan(rest, SEARCH, rules_of(first.document), agents=alone)
+    document, contours = second.document, made.document.contours
+    assert second.verdict.ok
+    assert document.printed is not None and document.fenced is not None
+    left, printed = laid(document.contours), laid(document.printed)
+    missing = laid(taken(first.document.contours, np.flatnonzero(rest.left.rows)))
+    assert not left & printed and left | printed | missing == laid(contours)
+
+
 def test_another_source_is_refused(made: Made) -> None:
     """One line, before anything is planned."""
     state = state_of_layers(made.document, 3)
@@ -195,5 +242,7 @@ def test_a_plan_the_judge_refuses_is_none(made: Made, alone: Any) -> None:
     """Here the heads believe a fenced head to stand elsewhere than it does."""
     state = state_of_layers(made.document, 3)
     rest = rest_of(made.document, made.source, state, {"right": PARKED})
-    with pytest.raises(VerificationError, match="too near"):
-        planned(made, replace(rest, fenced={"right": OVER_PRINT}), alone)
+    elsewhere = Fenced(made.document.machine, {"right": OVER_PRINT})
+    job = replace(rest.source.job, fenced=elsewhere)
+    with pytest.raises((InputError, VerificationError), match="too near"):
+        planned(made, replace(rest, source=replace(rest.source, job=job)), alone)

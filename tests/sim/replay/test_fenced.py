@@ -8,8 +8,7 @@ import pytest
 
 from decmcts.print.plan import JointPlan, PlanDocument
 from sim.faults import FaultKind
-from sim.replay.fenced import check_fenced
-from tests.planning.replanning.conftest import Made, made  # noqa: F401
+from tests.planning.replanning.conftest import Made, faults_beside, made  # noqa: F401
 
 
 @pytest.fixture
@@ -32,15 +31,15 @@ def test_a_head_that_stands_there(
     made: Made, left_alone: PlanDocument, place: tuple[float, float, float], kinds: set[FaultKind]  # noqa: F811
 ) -> None:  # fmt: skip
     """Nothing is said of one that stands far enough away."""
-    faults = check_fenced(left_alone, made.document.machine, {"right": place})
+    faults = faults_beside(left_alone, made.document.machine, {"right": place})
     assert {fault.kind for fault in faults} == kinds
 
 
 def test_without_a_rail_bodies_count(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
     """Two beams beside each other, 60 mm wide heads and 5 mm between them."""
     machine = replace(made.document.machine, rails=())
-    assert check_fenced(left_alone, machine, {"right": (310.0, 150.0, 10.0)})
-    assert not check_fenced(left_alone, machine, {"right": (330.0, 150.0, 10.0)})
+    assert faults_beside(left_alone, machine, {"right": (310.0, 150.0, 10.0)})
+    assert not faults_beside(left_alone, machine, {"right": (330.0, 150.0, 10.0)})
 
 
 def test_without_bodies_slices_count(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
@@ -48,13 +47,13 @@ def test_without_bodies_slices_count(made: Made, left_alone: PlanDocument) -> No
     whole = made.document.machine
     bare = replace(whole, rails=(), heads=tuple(replace(head, bodies=()) for head in whole.heads))
     alone = replace(left_alone, machine=replace(left_alone.machine, heads=bare.heads[:1]))
-    faults = check_fenced(alone, bare, {"right": (262.0, 150.0, 3.0)})
+    faults = faults_beside(alone, bare, {"right": (262.0, 150.0, 3.0)})
     assert FaultKind.HEAD_HEAD in {fault.kind for fault in faults}
-    assert not check_fenced(alone, bare, {"right": (380.0, 150.0, 3.0)})
+    assert not faults_beside(alone, bare, {"right": (380.0, 150.0, 3.0)})
 
 
 def test_a_head_without_work_stands_at_its_park(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
     """There it may be in the way too."""
     idle = replace(left_alone, plan=JointPlan(()))
-    assert check_fenced(idle, made.document.machine, {"right": (-45.0, 150.0, 10.0)})
-    assert not check_fenced(idle, made.document.machine, {"right": (240.0, 100.0, 0.1)})
+    assert faults_beside(idle, made.document.machine, {"right": (-45.0, 150.0, 10.0)})
+    assert not faults_beside(idle, made.document.machine, {"right": (240.0, 100.0, 0.1)})
