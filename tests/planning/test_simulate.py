@@ -80,6 +80,16 @@ def test_a_plan_without_its_waits_is_seen_to_collide(made, tmp_path, spoil):
     assert seen == 5 if spoil is waits_dropped else seen >= 1
 
 
+def test_a_head_without_work_stands_at_its_park(made, tmp_path):
+    """Not where machines begin to count."""
+    plan = json.loads(made[0].read_text())
+    waits_dropped(plan, np.random.default_rng(0))
+    plan["heads"][1]["actions"] = []
+    (tmp_path / "idle.json").write_text(json.dumps(plan))
+    found = simulate([tmp_path / "idle.json"]).simulation
+    assert found.safe and found.heads[1].printing_s == 0.0
+
+
 def test_events_tell_the_actions_of_the_plan(made):
     """Replanning starts from them."""
     plan, _, result = made
