@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Head, Machine
 
 DIGEST_BYTES = 32
 ROUND_TO = 1e-6  # mm, mm/s ...: numbers count as equal when they round to the same multiple
@@ -92,7 +92,7 @@ def _absorb(state: blake2b, value: Any) -> None:
     if is_dataclass(value) and not isinstance(value, type):
         skipped = _ONLY_TEXT.get(type(value).__name__, set())
         for field in sorted(field.name for field in fields(value)):
-            if field not in skipped and not _is_uncut(value, field):
+            if field not in skipped and not _as_of_old(value, field):
                 state.update(_text(field))
                 _absorb(state, getattr(value, field))
     elif isinstance(value, tuple):
@@ -108,11 +108,11 @@ def _absorb(state: blake2b, value: Any) -> None:
         state.update(b"a" + _integers(array.ndim, *array.shape) + _steps(array).tobytes())
 
 
-def _is_uncut(value: Any, field: str) -> bool:
-    """Tell whether a field says of contours that nothing is cut: such prints keep their digest."""
-    return (
-        isinstance(value, Contours) and field in ("of", "along") and getattr(value, field) is None
-    )
+def _as_of_old(value: Any, field: str) -> bool:
+    """Tell whether a newer field says what held before there was one: such digests stay."""
+    if isinstance(value, Contours):
+        return field in ("of", "along") and getattr(value, field) is None
+    return isinstance(value, Head) and field == "pace" and value.pace == 1.0
 
 
 def _steps(array: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -85,6 +85,7 @@ class Head:
     reach_max: tuple[float, float, float] = (1e6, 1e6, 1e6)
     tools: tuple[int, ...] = ()  # tool numbers (materials) it can print; empty: all
     limits: MotionLimits | None = None  # its own, whatever the source states; None: the machine's
+    pace: float = 1.0  # all that it does takes so many times as long as its limits say; at least 1
 
 
 @dataclass(frozen=True, slots=True)

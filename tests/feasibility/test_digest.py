@@ -59,6 +59,7 @@ def test_everything_that_matters_counts(problem: tuple[Any, Any, Any]) -> None:
         (contours, graph, replace(machine, clearance_mm=0.1)),
         (contours, graph, replace(machine, rails=(Rail(0, ("test",), 70.0),))),
         (contours, graph, replace(machine, heads=machine.heads * 2)),
+        (contours, graph, replace(machine, heads=(replace(machine.heads[0], pace=1.2),))),
     ]
     digests = {problem_digest(*problem)} | {problem_digest(*v) for v in variants}
     assert len(digests) == len(variants) + 1

@@ -23,7 +23,7 @@ from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
 from decmcts.planning.options import Cut, Limits, TeamSearch
 from decmcts.planning.read import read
-from decmcts.planning.replanning.fenced import fenced_places
+from decmcts.planning.replanning.fenced import fenced_places, late_heads
 from decmcts.planning.replanning.replan import Rest, rest_of, rules_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
@@ -83,6 +83,15 @@ FencedOption = Annotated[
         help="A head that prints no more, and where it stands; may be given more than once",
     ),
 ]
+SlowerOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--slower",
+        rich_help_panel=opt.BASICS,
+        metavar="HEAD=FACTOR",
+        help="A head that takes so many times as long as planned; may be given more than once",
+    ),
+]
 LeftOption = Annotated[
     LeftBeads,
     typer.Option(
@@ -111,6 +120,7 @@ def replan(
     layer: PrintedOption = None,
     height: HeightOption = None,
     fenced: FencedOption = None,
+    slower: SlowerOption = None,
     left_beads: LeftOption = LeftBeads.LEAVE,
     output: StemOption = None,
     plan_file: opt.PlanOption = None,
@@ -131,13 +141,14 @@ def replan(
     refuse_other_suffixes(plan_file, None, None)
     state = _state(document, events, layer, height)
     places = fenced_places(fenced or [], document.machine, state, seen=events is not None)
+    late = late_heads(slower or [], document.machine)
     cut = Cut.NONE if document.rules is None else Cut(document.rules.cut)
     search = TeamSearch(time_limit, seed, cut=cut)
     with running(time_limit_s=time_limit, table=heads_table) as (show, stop):
         found = read(
             source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=show
         )  # fmt: skip
-        rest = rest_of(document, found, state, places, left_beads, show)
+        rest = rest_of(document, found, state, places, left_beads, show, late)
         result = plan_rest(
             rest, search, rules_of(document), writes=stem is not None, report=show, stop=stop
         )  # fmt: skip

@@ -33,12 +33,18 @@ _HEAD_KEYS = (
     "reach_max",
     "tools",
     "limits",
+    "pace",
 )
+_SLOWEST = 100.0
 
 
 def head_to_dict(head: Head) -> dict[str, Any]:
     """Return plain lists, numbers and texts that `head_from` reads back equal."""
-    own = {} if head.limits is None else {"limits": limits_to_dict(head.limits)}
+    own: dict[str, Any] = {}
+    if head.limits is not None:
+        own["limits"] = limits_to_dict(head.limits)
+    if head.pace != 1.0:
+        own["pace"] = head.pace
     return {
         "name": head.name,
         "slices": [
@@ -89,6 +95,7 @@ def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
         reach_max=high,
         tools=tuple(tools),
         limits=limits_from(table, usual) if "limits" in table.values else None,
+        pace=table.number("pace", 1.0, least=1.0, most=_SLOWEST),
     )
 
 

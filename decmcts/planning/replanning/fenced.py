@@ -1,4 +1,4 @@
-"""Heads that print no more: which these are, and where they stand."""
+"""What a person says of heads: who prints no more and where it stands, and who is late."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from decmcts.formats.files.bounds import LARGEST_MM
 from decmcts.print.machine import Machine, Point
 from decmcts.print.print_state import PrintState
 
-PARKED = "park"
+PARKED, SLOWEST = "park", 10.0
 
 
 def fenced_places(
@@ -52,6 +52,34 @@ def fenced_places(
                 advice=f"name the place: --fenced {name}=park or --fenced {name}=X,Y,Z",
             )
     return places
+
+
+def late_heads(said: Sequence[str], machine: Machine) -> dict[str, float]:
+    """Return the heads that are late, by ``NAME=FACTOR``: how many times as long they take.
+
+    Raises
+    ------
+    InputError
+        For heads the machine has not, and factors that are none.
+    """
+    names, found = [head.name for head in machine.heads], dict[str, float]()
+    for text in said:
+        name, _, factor = text.partition("=")
+        if name not in names:
+            raise InputError(
+                f"--slower {text}: the machine has no head {name!r}",
+                advice=f"its heads are {', '.join(names)}",
+            )
+        try:
+            found[name] = float(factor)
+        except ValueError:
+            found[name] = math.nan
+        if not 1.0 <= found[name] <= SLOWEST:
+            raise InputError(
+                f"--slower {text}: {factor!r} is no factor",
+                advice=f"give how many times as long as planned it takes, 1 to {SLOWEST:g}",
+            )
+    return found
 
 
 def _point(text: str, place: str) -> Point:

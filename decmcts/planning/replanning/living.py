@@ -51,6 +51,12 @@ def living_machine(machine: Machine, fenced: Mapping[str, Point], rest: Contours
     )
 
 
+def slowed(machine: Machine, slower: Mapping[str, float]) -> Machine:
+    """Return the machine with heads that take so many times as long as they did."""
+    heads = [replace(head, pace=head.pace * slower.get(head.name, 1.0)) for head in machine.heads]
+    return replace(machine, heads=tuple(heads))
+
+
 def _beside(machine: Machine, head: Head, gone: Head, place: Point, rest: Contours) -> Head:
     """Return a head whose reach keeps clear of one that stands at `place`."""
     for rail in machine.rails:

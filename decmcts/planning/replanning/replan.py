@@ -28,7 +28,7 @@ from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.living import living_machine
+from decmcts.planning.replanning.living import living_machine, slowed
 from decmcts.planning.replanning.rest import (
     Broken,
     LeftBeads,
@@ -87,6 +87,7 @@ def rest_of(
     fenced: Mapping[str, Point],
     left_beads: LeftBeads = LeftBeads.LEAVE,
     report: Report = unheard,
+    slower: Mapping[str, float] | None = None,
 ) -> Rest:
     """Return what is left of a print.
 
@@ -98,6 +99,8 @@ def rest_of(
         The print it was made from.
     fenced : Mapping[str, Point]
         Heads that print no more, and where they stand.
+    slower : Mapping[str, float] | None
+        Heads that were seen to be late, and how many times as long as planned they take.
 
     Raises
     ------
@@ -112,6 +115,7 @@ def rest_of(
     whole, at = document.machine, dict(fenced)
     if document.fenced is not None:
         whole, at = document.fenced.machine, {**document.fenced.at, **at}
+    whole = slowed(whole, slower or {})
     machine = living_machine(whole, at, document.contours)
     left = left_out(document, left_open, _able(document, job, machine))
     stretches = _to_print(document, job, left_open & ~left.rows, broken)

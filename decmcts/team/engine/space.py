@@ -151,7 +151,9 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
         parks=parks,
         low=low,
         high=high,
-        travel=np.array([travel_row(job.settings, machine.limits_of(head)) for head in heads]),
+        travel=np.array(
+            [travel_row(job.settings, machine.limits_of(head), head.pace) for head in heads]
+        ),
         ceiling=max(top, float(parks[:, 2].max())) + rises,
         lined=halves == len(heads) * (len(heads) - 1),
     )
@@ -162,18 +164,20 @@ def printing_times(job: PrintJob, machine: Machine) -> NDArray[np.float64]:
     limits = [machine.limits_of(head) for head in machine.heads]
     different = {id(one): one for one in limits}  # most machines have one for all their heads
     of_limits = {key: job_times(job, one) for key, one in different.items()}
-    return np.array([of_limits[id(one)] for one in limits])
+    paces = [head.pace for head in machine.heads]
+    return np.array([of_limits[id(one)] * pace for one, pace in zip(limits, paces, strict=True)])
 
 
-def travel_row(settings: ProcessSettings, limits: MotionLimits) -> list[float]:
+def travel_row(settings: ProcessSettings, limits: MotionLimits, pace: float = 1.0) -> list[float]:
     """Return what a travel takes, see `decmcts._kernels.engine.rooms.travel_seconds`.
 
-    By length alone: no walls are known here, and what only orders units need not be exact.
+    By length alone: no walls are known here, and what only orders units need not be exact. Where
+    all takes `pace` times as long, speeds are as many times lower.
     """
     return [
-        *level_travel(settings, limits),
-        *upright_travel(settings, limits),
-        retraction_time(settings, limits),
+        *(v / k for v, k in zip(level_travel(settings, limits), (pace, pace**2), strict=True)),
+        *(v / k for v, k in zip(upright_travel(settings, limits), (pace, pace**2), strict=True)),
+        retraction_time(settings, limits) * pace,
         settings.retract_min_travel_mm,
     ]
 

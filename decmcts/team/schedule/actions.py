@@ -50,7 +50,7 @@ def join_actions(
         action_times(
             job, machine.limits_of(head), actions.path, actions.offsets, actions.contour,
             actions.reversed, actions.entry, rests=len(all_actions) > 1,
-        )
+        ).slowed(head.pace)
         for head, actions in zip(machine.heads, all_actions, strict=True)
     ]  # fmt: skip
     seconds = np.zeros(len(order.head))

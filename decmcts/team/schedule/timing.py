@@ -32,6 +32,10 @@ class ActionTimes:
         first = self.first[action]
         return np.asarray(self.passed[first + point] - self.passed[first])
 
+    def slowed(self, pace: float) -> ActionTimes:
+        """Return the times of a head for which all takes `pace` times as long."""
+        return ActionTimes(self.seconds * pace, self.passed * pace, self.first)
+
 
 def action_times(
     job: PrintJob,

@@ -78,6 +78,10 @@ def test_a_rest_is_replanned_from_its_files(
         (["--layer", "2", "--fenced", "right"], "no event says where"),
         (["--layer", "2", "--fenced", "x=park"], "no head 'x'"),
         (["--events", "none"], "none"),
+        (["--layer", "2", "--slower", "x=2"], "no head 'x'"),
+        (["--layer", "2", "--slower", "left"], "'' is no factor"),
+        (["--layer", "2", "--slower", "left=0.5"], "'0.5' is no factor"),
+        (["--layer", "2", "--slower", "left=nan"], "'nan' is no factor"),
     ],
 )
 def test_bad_input_gets_one_line(

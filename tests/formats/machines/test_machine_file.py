@@ -194,6 +194,7 @@ def test_unknown_machine_lists_the_known():
         ('name = "mine"', 'name = "mine"\nlimits = { jirk = 1 }', "limits.jirk: unknown key"),
         ('name = "mine"', 'name = "mine"\nlimits = { travel_feed = 0 }', "0 would never arrive"),
         ('name = "a"', 'name = "a"\ntools = [-1]', "tool numbers"),
+        ('name = "a"', 'name = "a"\npace = 0.9', "pace: 0.9 is below 1"),
         (
             'name = "a"',
             'name = "a"\npark = [5, 5, -5]',
@@ -259,6 +260,15 @@ def test_a_head_has_its_own_limits_or_the_machines(tmp_path):
     assert (own.limits.travel_feed, own.limits.acceleration, own.limits.jerk[0]) == (99.0, 7.0, 1.0)
     alone = machine.alone(own)
     assert alone.limits == own.limits and alone.heads[0].limits is None
+
+
+def test_a_head_has_a_pace_of_its_own(tmp_path):
+    """Kept in plans; 1 is not written, so older programs read them."""
+    plain, slow = read(tmp_path, TWO.replace('name = "b"', 'name = "b"\npace = 1.2')).heads
+    assert (plain.pace, slow.pace) == (1.0, 1.2)
+    written = machine_to_dict(read(tmp_path, TWO.replace('name = "b"', 'name = "b"\npace = 1.2')))
+    assert [head.get("pace") for head in written["heads"]] == [None, 1.2]
+    assert machine_from_dict(written).heads[1].pace == 1.2
 
 
 def test_more_heads_than_can_be_planned_are_refused():

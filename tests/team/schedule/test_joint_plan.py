@@ -13,12 +13,13 @@ import pytest
 from shapely import LineString, MultiPoint
 from shapely.affinity import translate
 
+from decmcts._kernels.engine.rooms import travel_seconds
 from decmcts.errors import InputError
 from decmcts.print.motion import filament_time
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.engine.alone import one_head_toolpaths
-from decmcts.team.engine.space import build_space
+from decmcts.team.engine.space import build_space, printing_times, travel_row
 from decmcts.team.schedule import travels
 from decmcts.team.schedule.joint_plan import schedule
 
@@ -165,6 +166,25 @@ def test_one_head_prints_everything(case: Callable[..., Any]) -> None:
         range(len(chosen.job.contours))
     )
     assert plan.makespan_s == plan.heads[0].end_s[-1]
+
+
+def test_a_slow_head_takes_as_many_times_as_long(case: Callable[..., Any]) -> None:
+    """Whatever it does; the engine that orders units reckons with it too."""
+    chosen = case(0)
+    left, *others = chosen.machine.heads
+    slow = replace(chosen.machine, heads=(replace(left, pace=1.5), *others))
+    sliced = [Toolpath.as_sliced(len(chosen.job.contours))]
+    before, after = (
+        schedule(chosen.job, machine.alone(machine.heads[0]), chosen.graph, sliced).heads[0]
+        for machine in (chosen.machine, slow)
+    )
+    assert after.end_s == pytest.approx(1.5 * before.end_s)
+    times = printing_times(chosen.job, chosen.machine)
+    assert printing_times(chosen.job, slow) == pytest.approx(times * [[1.5], [1.0]])
+    rows = [np.array(travel_row(chosen.job.settings, slow.limits, k)) for k in (1.0, 1.5)]
+    for end in ((0.5, 0.0, 0.0), (90.0, 40.0, 0.0), (90.0, 40.0, 7.0)):
+        fast, late = (travel_seconds((0.0, 0.0, 0.0), end, row) for row in rows)
+        assert late == pytest.approx(1.5 * fast)
 
 
 def test_long_travels_hop_as_the_source_does(case: Callable[..., Any]) -> None:
