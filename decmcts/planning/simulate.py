@@ -84,7 +84,7 @@ def simulate(
     """
     _refuse(size, trials, queue)
     paths = [Path(each) for each in inputs]
-    plans = [path for path in paths if path.name.endswith((".json", ".json.gz"))]
+    plans = [path for path in paths if is_plan(path)]
     files = [path for path in paths if path not in plans]
     if len(plans) > 1:
         raise InputError("one plan can be run, not several", path=plans[1])
@@ -174,3 +174,8 @@ def _refuse_others(
                 "plan",
                 path=path, advice="name the files that were made with this plan",
             )  # fmt: skip
+
+
+def is_plan(path: Path) -> bool:
+    """Tell whether a file is a plan, by its name."""
+    return path.name.lower().endswith((".json", ".json.gz"))

@@ -17,7 +17,7 @@ from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
 from decmcts.planning.events import Step
-from decmcts.planning.simulate import Simulated
+from decmcts.planning.simulate import Simulated, is_plan
 from decmcts.planning.simulate import simulate as run
 from decmcts.planning.writing.places import (
     put,
@@ -110,13 +110,18 @@ def simulate(
     csv: CsvOption = None,
     csv_every_s: EveryOption = 1.0,
     picture: RunPictureOption = None,
+    report: opt.ReportOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Run files as their controllers would; exit code 1 if heads touch or wait for ever."""
-    refuse_unwritable([events, csv, picture], *inputs)
-    refuse_other_suffixes(None, None, picture)
+    refuse_unwritable([events, csv, picture, report], *inputs)
+    refuse_other_suffixes(None, report, picture)
     for path, option in ((events, "--events"), (csv, "--csv"), (picture, "--picture")):
         refuse_stdout(path, option)
+    if report is not None and not (len(inputs) == 1 and is_plan(inputs[0])):
+        raise InputError(
+            "a report shows the actions of a plan", advice="run PLAN.json alone with --report"
+        )
     with steps() as told:
         found = run(
             list(inputs), machine, timing=timing, size=error, trials=trials, seed=seed,
@@ -134,11 +139,17 @@ def simulate(
 
             told(Step("drawing"))
             draw_run(picture, found.simulation)
+        if report is not None and found.plan is not None:
+            from sim.pictures.report import write_run_report  # likewise
+
+            told(Step("writing the report"))
+            log, touched = events_of(found.simulation), len(found.simulation.trials[0].contacts)
+            write_run_report(report, found.plan, log, file=inputs[0].name, contacts=touched)
     if as_json:
         print_json("decmcts-simulation/1", figures(found))
     else:
         show(found)
-        for path in (events, csv, picture):
+        for path in (events, csv, picture, report):
             if path is not None:
                 out.print(f"wrote {path}", soft_wrap=True)
     if not found.simulation.safe:

@@ -2,5 +2,6 @@
 
 from sim.pictures.report.facts import Told
 from sim.pictures.report.page import write_report
+from sim.pictures.report.run import write_run_report
 
-__all__ = ["Told", "write_report"]
+__all__ = ["Told", "write_report", "write_run_report"]

@@ -19,7 +19,7 @@ from decmcts.version import __version__
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.changes import flags_of
 from sim.pictures.report.cuts import cuts_of_page
-from sim.pictures.report.facts import Told, facts_of
+from sim.pictures.report.facts import CarriedOut, Told, facts_of
 from sim.pictures.report.saving import saving_of
 from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
 from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
@@ -46,6 +46,9 @@ def page_data(
     several = len(after.plan.heads) > 1
     waits = waits_of(after, told.graph)
     path = critical_path(after) if several else []
+    labels = ("planned", "happened")
+    if told.run is None:
+        labels = (compared_order(before.metrics), "after")
     page = {
         "title": told.file or after.machine.name,
         "file": told.file or None,
@@ -57,7 +60,7 @@ def page_data(
         "plans": [
             plan_of(document, drawn, each, label, blobs)
             for document, each, label in (
-                (before, flags[0], compared_order(before.metrics)), (after, flags[1], "after"),
+                (before, flags[0], labels[0]), (after, flags[1], labels[1]),
             )
         ],
         "facts": facts_of(before, after, told),
@@ -73,8 +76,14 @@ def page_data(
         "graph": _graph(told.graph, blobs),
         "cuts": cuts_of_page(after, blobs),
         "notes": list(told.notes),
+        "run": None if told.run is None else _run(told.run),
     }  # fmt: skip
     return page, blobs
+
+
+def _run(run: CarriedOut) -> dict[str, Any]:
+    failed = [dict(zip(("head", "time_s", "why"), one, strict=True)) for one in run.failed]
+    return {**asdict(run), "failed": failed}
 
 
 def _clusters(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any]:

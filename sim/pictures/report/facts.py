@@ -35,6 +35,16 @@ WORDS = {
 
 
 @dataclass(frozen=True, slots=True)
+class CarriedOut:
+    """How the carrying out of a plan ended."""
+
+    printed: int  # beads that were
+    beads: int  # of the plan
+    failed: Sequence[tuple[str, float, str]] = ()  # head, seconds and why
+    contacts: int = 0  # of heads
+
+
+@dataclass(frozen=True, slots=True)
 class Told:
     """What a report is told besides the two plans; all of it may be missing."""
 
@@ -43,6 +53,7 @@ class Told:
     graph: DependencyGraph | None = None  # the planner's own, with the kinds of its edges
     notes: Sequence[str] = ()  # on the source
     warnings: Sequence[str] = ()
+    run: CarriedOut | None = None  # `after` is what happened of the plan `before`
 
 
 def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str, Any]:

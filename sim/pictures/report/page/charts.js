@@ -250,7 +250,7 @@
   function show(page) {
     const section = document.getElementById("search");
     const made = [];
-    if (page.saving.by_layer.layer.length) made.push(byLayer(page.saving), byLength(page.saving));
+    if (page.saving.by_layer.layer.length && !page.run) made.push(byLayer(page.saving), byLength(page.saving));
     if (page.history.s.length && !page.facts.kept_source) made.push(convergence(page));
     if (!made.length) return;
     section.append(e("h2", {}, savedMm(page) >= 1 ? "Where the saving comes from" : "Travel and search"), e("div", { class: "figures" }, ...made));

@@ -5,8 +5,11 @@
   const DENSE = 500; // beads; of more, what changed is shown layer by layer at first
   const SHOW_S = 90; // in which a print is played at most at first
   const COLOURS = { role: "role", head: "head", tool: "tool", layer: "layer", time: "time", speed: "speed", change: "change in order" };
-  /** Names of the plans: the first is the source's own order, or one made safe, layer by layer. */
-  const plansOf = ([{ label }]) => ({ before: label[0].toUpperCase() + label.slice(1), after: "After", both: "Side by side" });
+  /** Names of the plans: the first is the source's own order, one made safe, or of a run what was planned. */
+  const plansOf = (plans) => {
+    const [before, after] = plans.map(({ label }) => label[0].toUpperCase() + label.slice(1));
+    return { before, after, both: "Side by side" };
+  };
 
   const { element } = { element: (...given) => D.element(...given) };
   let [page, layers, end] = [null, [0, 0], 0];
@@ -98,9 +101,9 @@
       to.setAttribute("aria-valuetext", `layer ${b + 1}`);
       single.setAttribute("aria-pressed", String(a === b));
     });
-    const strip = element("canvas", { id: "view-strip", role: "img", "aria-label": `Travel in each layer, ${page.plans[0].label} and after` });
+    const strip = element("canvas", { id: "view-strip", role: "img", "aria-label": `Travel in each layer, ${page.plans[0].label} and ${page.plans[1].label}` });
     const words = element("span", { class: "view-bars muted" }, "travel in each layer:", element("i", { class: "was" }),
-      page.plans[0].label, element("i", {}), "after");
+      page.plans[0].label, element("i", {}), page.plans[1].label);
     return element("div", { class: "view-row view-layers" }, element("span", {}, "Layers"),
       element("div", { class: "view-range" }, strip, from, to), text, single, most, words);
   }

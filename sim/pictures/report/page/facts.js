@@ -24,8 +24,20 @@
 
   const ABOUT = [["checked", "How much"], ["rule", "By these rules"], ["asked", "As it was asked for"]];
 
+  /** How a run ended: what was printed of the plan, and who failed. */
+  function ended({ beads, printed, failed, contacts }) {
+    const good = printed === beads && !contacts;
+    const word = contacts ? "Heads touched" : printed === beads ? "Carried out" : "Broken off";
+    const lines = failed.map(({ head, time_s, why }) => `${head} failed at ${D.format.clock(time_s)}${why && `: ${why}`}`);
+    if (contacts) lines.unshift(D.format.count(contacts, "contact"));
+    return e("div", { class: `card ${good ? "good" : "bad"}` },
+      e("p", { class: "big" }, e("span", { class: "mark", "aria-hidden": "true" }, good ? "✓" : "✗"), word),
+      e("ul", { class: "near" }, ...[`${D.format.number(printed)} of ${D.format.count(beads, "bead")} printed`, ...lines].map((text) => e("li", {}, text))));
+  }
+
   /** Whether it is safe, how near it came, and what was checked: in the words of `verify -v`. */
   function verdict(facts) {
+    if (D.page.run) return ended(D.page.run);
     const [mark, word] = facts.judged === false ? ["?", "Not checked"] : facts.ok ? ["✓", "Proven safe"] : ["✗", "Not safe: do not print"];
     const of = (kind) => facts.checked.filter(([about]) => about === kind);
     const near = of("nearest");
@@ -60,7 +72,8 @@
   function time(facts) {
     const { before_s, after_s, of } = facts.time;
     const saved = before_s - after_s, most = Math.max(before_s, after_s, 1e-9);
-    const less = Math.abs(saved) < 0.5 ? "no change" : `${asShown(before_s, after_s)} ${saved > 0 ? "saved" : "longer"}`;
+    const { run } = D.page, broken = run && run.printed < run.beads;
+    const less = broken ? `ended after ${D.format.duration(after_s)}` : Math.abs(saved) < 0.5 ? "no change" : `${asShown(before_s, after_s)} ${saved < 0 ? "longer" : D.page.run ? "shorter" : "saved"}`;
     const bar = (label, seconds, kind) =>
       e("div", { class: "pair" }, e("span", { class: "name" }, label),
         e("div", { class: "track" }, e("div", { class: kind, style: `width:${(100 * seconds) / most}%` })),
@@ -68,8 +81,8 @@
     const what = of === "whole file" ? "Time of the whole file, start and end included" : "Time of the print, without start and end of the file";
     return e("div", { class: "card" },
       e("h2", {}, what),
-      e("p", { class: "big" }, less, Math.abs(saved) < 0.5 ? "" : e("small", {}, ` ${share(Math.abs(saved), before_s)}`)),
-      bar(D.page.plans[0].label, before_s, "was"), bar("after", after_s, "is"),
+      e("p", { class: "big" }, less, broken || Math.abs(saved) < 0.5 ? "" : e("small", {}, ` ${share(Math.abs(saved), before_s)}`)),
+      bar(D.page.plans[0].label, before_s, "was"), bar(D.page.plans[1].label, after_s, "is"),
       ...remarks(facts).map((text) => e("p", { class: "note" }, text)));
   }
 
@@ -106,7 +119,7 @@
       e("td", { class: "number" }, figure(row, row.after)),
       e("td", { class: `number ${row.after < row.before ? "less" : row.after > row.before ? "more" : ""}` }, change(row)));
     return e("div", { class: "card" }, e("h2", {}, "What changed"), e("table", { class: "changes" },
-      e("thead", {}, e("tr", {}, e("td", {}), ...[D.page.plans[0].label, "after", "change"].map((t) => e("th", { scope: "col", class: "number" }, t)))),
+      e("thead", {}, e("tr", {}, e("td", {}), ...[D.page.plans[0].label, D.page.plans[1].label, "change"].map((t) => e("th", { scope: "col", class: "number" }, t)))),
       e("tbody", {}, ...shown.map(line))), proof(facts));
   }
 

@@ -5,10 +5,12 @@
   const LEAST_SPAN_S = 0.5;
   const ROUNDED_S = 0.01; // times are rounded: at its begin an action has begun
   const view = { from: 0, to: 1, left: 64, width: 600, ratio: 1 };
-  let rows = [], longest = [], placed = [], critical = null, focus = null;
+  let rows = [], planned = [], longest = [], placed = [], critical = null, focus = null;
   let base, over, line, nowList, asked = 0, told = 0;
 
   const plan = () => D.page.plans[1];
+  /** The end of what is shown: of a run, where what was planned ends later, that. */
+  const end = () => Math.max(plan().end_s, D.page.run ? D.page.plans[0].end_s : 0);
   const drawing = () => D.ganttDrawing;
 
   /** What a head does at a time, in figures: for the lines below the Gantt, and for tests. */
@@ -62,7 +64,7 @@
     if (asked) return;
     asked = requestAnimationFrame(() => {
       asked = 0;
-      placed = drawing().draw(base.getContext("2d", { willReadFrequently: true }), rows, view, { longest, critical });
+      placed = drawing().draw(base.getContext("2d", { willReadFrequently: true }), rows, view, { longest, critical, planned });
       redrawOver();
     });
   }
@@ -96,9 +98,9 @@
 
   /** Show a span of time; it stays within the plan. */
   function span(from, to) {
-    const wide = Math.min(Math.max(to - from, LEAST_SPAN_S), plan().end_s);
+    const wide = Math.min(Math.max(to - from, LEAST_SPAN_S), end());
     const middle = (from + to) / 2;
-    view.from = Math.min(Math.max(middle - wide / 2, 0), plan().end_s - wide);
+    view.from = Math.min(Math.max(middle - wide / 2, 0), end() - wide);
     view.to = view.from + wide;
     redraw();
   }
@@ -110,7 +112,7 @@
 
   const pan = (share) => {
     const by = share * (view.to - view.from);
-    const held = Math.min(Math.max(by, -view.from), plan().end_s - view.to);
+    const held = Math.min(Math.max(by, -view.from), end() - view.to);
     span(view.from + held, view.to + held);
   };
 
@@ -180,9 +182,11 @@
     const several = page.plans[1].heads.length > 1;
     section.hidden = !several && !page.waits.length;
     if (section.hidden) return;
-    rows = page.plans[1].heads.map((head, k) => new D.timeline.Row(head, k, page.plans[1].end_s, page.waits));
+    const rowsOf = ({ heads }, waits) => heads.map((head, k) => new D.timeline.Row(head, k, end(), waits));
+    rows = rowsOf(page.plans[1], page.waits);
+    planned = page.run ? rowsOf(page.plans[0], []) : [];
     longest = [...page.waits].sort((a, b) => b.end_s - b.begin_s - (a.end_s - a.begin_s));
-    view.to = page.plans[1].end_s;
+    view.to = end();
     base = e("canvas", { "aria-hidden": "true" });
     over = e("canvas", { tabindex: "0", role: "application", "aria-label": name(page), "aria-describedby": "gantt-keys gantt-now" });
     nowList = e("ul", { class: "legend nows", "aria-label": "what the heads do now" });

@@ -68,8 +68,8 @@
   function under(event, canvas) {
     const box = canvas.getBoundingClientRect();
     const x = event.clientX - box.left, y = event.clientY - box.top;
-    const { secondsOf, ROW } = D.ganttDrawing;
-    const head = Math.floor(y / ROW), seconds = secondsOf(D.gantt.view, x);
+    const { secondsOf, rowHeight } = D.ganttDrawing;
+    const head = Math.floor(y / rowHeight()), seconds = secondsOf(D.gantt.view, x);
     const inside = seconds >= D.gantt.view.from && seconds <= D.gantt.view.to;
     return { x, head: inside && head >= 0 && head < D.gantt.rows().length ? head : -1, seconds };
   }

@@ -3,8 +3,8 @@
    skipped however many actions there are; long waits are marked even where they are thin. */
 (() => {
   const { PRINT, TRAVEL, ASIDE, WAIT, NOTHING, KINDS } = D.timeline;
-  const BAND = 36, BAR = 40, CHAIN = 7, GAP = 10, AXIS = 34, LANE = 17; // CSS pixels
-  const ROW = BAND + BAR + CHAIN + GAP;
+  const BAND = 36, BAR = 40, CHAIN = 7, GAP = 10, AXIS = 34, LANE = 17, PLANNED = 12; // CSS pixels
+  const rowHeight = () => BAND + BAR + CHAIN + GAP + (D.page.run ? PLANNED : 0);
   const ORDER = [PRINT, TRAVEL, ASIDE, WAIT]; // from the foot of a bar
   const MARKED = 40; // so many of the longest waits are marked however thin
   const TRIED = 400; // labels of so many waits are tried
@@ -13,8 +13,8 @@
   const APART = 6; // pixels between two lines of the critical path
   const FONT = "12px system-ui, sans-serif";
 
-  const height = (rows) => rows.length * ROW + AXIS;
-  const barTop = (row) => row * ROW + BAND;
+  const height = (rows) => rows.length * rowHeight() + AXIS;
+  const barTop = (row) => row * rowHeight() + BAND;
   const xOf = (view, seconds) => view.left + ((seconds - view.from) / (view.to - view.from)) * (view.width - view.left);
   const secondsOf = (view, x) => view.from + ((x - view.left) / (view.width - view.left)) * (view.to - view.from);
 
@@ -30,13 +30,13 @@
   }
 
   /** Rectangles of a head's bar in device pixels, for each kind: [x, y, width, height, …]. */
-  function columns(row, view, top) {
+  function columns(row, view, top, tall) {
     const { ratio } = view;
     const first = Math.round(view.left * ratio), last = Math.round(view.width * ratio);
     const per = (view.to - view.from) / (last - first);
     const shares = new Float64Array(KINDS), open = new Float64Array(KINDS).fill(-1);
     const rects = ORDER.map(() => []);
-    const foot = (top + BAR) * ratio, size = BAR * ratio;
+    const foot = (top + tall) * ratio, size = tall * ratio;
     let s = row.segment(view.from);
     for (let x = first; x <= last; x++) {
       const from = view.from + (x - first) * per;
@@ -59,12 +59,12 @@
     return rects;
   }
 
-  function drawBar(context, row, view, top) {
+  function drawBar(context, row, view, top, tall = BAR) {
     const { ratio } = view;
     const filled = fills(context, row.head);
     context.fillStyle = D.colour("--panel");
-    context.fillRect(view.left * ratio, top * ratio, (view.width - view.left) * ratio, BAR * ratio);
-    columns(row, view, top).forEach((rects, kind) => {
+    context.fillRect(view.left * ratio, top * ratio, (view.width - view.left) * ratio, tall * ratio);
+    columns(row, view, top, tall).forEach((rects, kind) => {
       context.fillStyle = filled[kind];
       context.beginPath(); // one fill for thousands of rectangles
       for (let k = 0; k < rects.length; k += 4) context.rect(rects[k], rects[k + 1], rects[k + 2], rects[k + 3]);
@@ -140,11 +140,11 @@
   function drawLabels(context, placed) {
     context.lineWidth = 1;
     for (const { head, lane, x, foot, text } of placed) {
-      const y = head * ROW + BAND - 5 - lane * LANE;
+      const y = head * rowHeight() + BAND - 5 - lane * LANE;
       context.strokeStyle = D.colour("--muted");
       context.beginPath();
       context.moveTo(Math.round(foot) + 0.5, y - 9);
-      context.lineTo(Math.round(foot) + 0.5, head * ROW + BAND);
+      context.lineTo(Math.round(foot) + 0.5, head * rowHeight() + BAND);
       context.stroke();
       context.fillStyle = D.colour("--bg");
       context.fillRect(x - 2, y - 12, context.measureText(text).width + 4, 15);
@@ -183,7 +183,7 @@
   }
 
   function drawAxis(context, rows, view) {
-    const top = rows.length * ROW;
+    const top = rows.length * rowHeight();
     const wide = view.width - view.left;
     const step = STEPS.find((s) => (s / (view.to - view.from)) * wide > 74) || STEPS[STEPS.length - 1];
     context.strokeStyle = D.colour("--line");
@@ -207,16 +207,22 @@
     for (const row of rows) {
       context.save();
       context.beginPath();
-      context.rect(0, row.head * ROW, view.left - 6, ROW);
+      context.rect(0, row.head * rowHeight(), view.left - 6, rowHeight());
       context.clip();
       context.font = `600 13px system-ui, sans-serif`;
       context.fillText(row.name, 0, barTop(row.head) + BAR / 2 + 4);
+      if (D.page.run) {
+        context.font = FONT;
+        context.fillStyle = D.colour("--muted");
+        context.fillText("planned", 0, barTop(row.head) + BAR + CHAIN + PLANNED - 3);
+        context.fillStyle = D.colour("--fg");
+      }
       context.restore();
     }
   }
 
   /** Draw all but what moves. Returns the labels that are shown. */
-  function draw(context, rows, view, { longest, critical }) {
+  function draw(context, rows, view, { longest, critical, planned }) {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, context.canvas.width, context.canvas.height);
     context.font = FONT;
@@ -226,6 +232,7 @@
     for (const row of rows) {
       context.setTransform(1, 0, 0, 1, 0, 0);
       drawBar(context, row, view, barTop(row.head));
+      if (planned.length) drawBar(context, planned[row.head], view, barTop(row.head) + BAR + CHAIN, PLANNED - 2);
       scaled();
       drawBeads(context, row, view, barTop(row.head));
       drawMarks(context, row, view, barTop(row.head), longest.slice(0, MARKED));
@@ -253,7 +260,7 @@
     }
     context.setLineDash([]);
     if (time < view.from || time > view.to) return;
-    const x = xOf(view, time), top = rows.length * ROW;
+    const x = xOf(view, time), top = rows.length * rowHeight();
     context.fillStyle = D.colour("--accent");
     context.fillRect(x - 1, 0, 2, top + 6);
     const text = D.format.clock(time), half = context.measureText(text).width / 2 + 5;
@@ -263,5 +270,5 @@
     context.fillText(text, left + 5, top + 18);
   }
 
-  D.ganttDrawing = { draw, drawOver, height, xOf, secondsOf, ROW, BAND, BAR, NOTHING };
+  D.ganttDrawing = { draw, drawOver, height, xOf, secondsOf, rowHeight, BAND, BAR, NOTHING };
 })();

@@ -1,0 +1,35 @@
+"""The report of a print that was carried out: what was planned beside what happened."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from decmcts.print.happened import happened
+from decmcts.print.plan import ActionKind, PlanDocument
+from decmcts.print.print_events import EventKind, EventLog
+from sim.pictures.report.facts import CarriedOut, Told
+from sim.pictures.report.page import write_report
+
+
+def write_run_report(
+    path: Path | str, document: PlanDocument, log: EventLog, *, file: str = "", contacts: int = 0
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : file to write
+    document : the plan that was carried out
+    log : what happened
+    file : name of the source
+    contacts : how often heads touched
+    """
+    after = happened(document, log)
+    printed = sum(int((head.kind == ActionKind.PRINT).sum()) for head in after.plan.heads)
+    failed = [
+        (log.heads[event.head], event.time_s, event.what)
+        for event in log.events
+        if event.kind is EventKind.FAILED
+    ]
+    run = CarriedOut(printed, len(document.contours), failed, contacts)
+    write_report(path, before=document, after=after, told=Told(file=file, run=run))
