@@ -179,3 +179,26 @@ def test_a_signal_that_python_dropped_ends_at_the_next_step() -> None:
         assert signals.is_ending()
         report(Step("reading"))
     assert signals.exit_code() == 130
+
+
+AT_WORK = """
+import atexit, sys, threading, time
+import decmcts.cli, decmcts.cli.run
+def command(arguments):
+    threading.Thread(target=time.sleep, args=(60,), daemon=True).start()
+    atexit.register(print, "folders are gone", flush=True)
+    return 2
+class Taken:
+    def __del__(self): print("the interpreter is taken down", flush=True)
+kept = Taken()
+decmcts.cli.run.run = command
+decmcts.cli.main()
+"""
+
+
+def test_a_thread_at_work_changes_no_exit_code() -> None:
+    """What a solver in it does while its library is taken down would: it is not taken down."""
+    done = subprocess.run(
+        [sys.executable, "-c", AT_WORK], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stdout) == (2, "folders are gone\n"), done.stderr
