@@ -10,10 +10,11 @@ from types import MappingProxyType
 
 from decmcts.errors import InputError, VerificationError
 from decmcts.experiments.kinds import Experiment, Key, Row
+from decmcts.experiments.paper import PAPER
 from decmcts.experiments.two_heads import TWO_HEADS
 from decmcts.version import __version__
 
-EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in (TWO_HEADS,)})
+EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in (TWO_HEADS, PAPER)})
 
 
 def compute(name: str, key: Key) -> Row:
