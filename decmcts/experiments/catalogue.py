@@ -11,10 +11,12 @@ from types import MappingProxyType
 from decmcts.errors import InputError, VerificationError
 from decmcts.experiments.kinds import Experiment, Key, Row
 from decmcts.experiments.paper import PAPER
+from decmcts.experiments.team_size import TEAM_SIZE
+from decmcts.experiments.timing import TIMING
 from decmcts.experiments.two_heads import TWO_HEADS
 from decmcts.version import __version__
 
-EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in (TWO_HEADS, PAPER)})
+EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in (TWO_HEADS, TEAM_SIZE, TIMING, PAPER)})
 
 
 def compute(name: str, key: Key) -> Row:

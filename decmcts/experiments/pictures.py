@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,15 +22,18 @@ def figure(columns: int, *, width: float = 5.0, height: float = 4.2) -> tuple[Fi
     return made, axes
 
 
-def curve(axis: Axes, rows: Iterable[Line], x: str, y: str, label: str, style: str = "o-") -> None:
-    """Draw the median of a column over another, and from its least to its most."""
+def curve(
+    axis: Axes, rows: Iterable[Line], x: str, y: str, label: str, style: str = "o-",
+    middle: Callable[[list[float]], float] = statistics.median,
+) -> None:  # fmt: skip
+    """Draw the median of a column, or its mean, over another, and from its least to its most."""
     found: dict[float, list[float]] = {}
     for row in rows:
         found.setdefault(float(row[x]), []).append(float(row[y]))
     if not found:
         return
     at = sorted(found)
-    (line,) = axis.plot(at, [statistics.median(found[v]) for v in at], style, label=label)
+    (line,) = axis.plot(at, [middle(found[v]) for v in at], style, label=label)
     low, high = [min(found[v]) for v in at], [max(found[v]) for v in at]
     axis.fill_between(at, low, high, color=line.get_color(), alpha=0.15)
 

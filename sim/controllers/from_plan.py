@@ -41,13 +41,15 @@ def _signals(plan: JointPlan) -> Signals:
 
 def _program(document: PlanDocument, h: int, signals: Signals, queue: int) -> HeadProgram:
     actions, machine = document.plan.heads[h], document.machine
-    limits = machine.limits_of(next(x for x in machine.heads if x.name == actions.head))
+    head = next(x for x in machine.heads if x.name == actions.head)
+    limits = machine.limits_of(head)
     first, sizes = actions.path_offsets[:-1], np.diff(actions.path_offsets)
     inner = np.ones(len(actions.path), np.bool_)
     inner[first[sizes > 0]] = False  # a path begins where the one before it ended
     action = np.repeat(np.arange(len(actions)), sizes)[inner]
     feed, filament, rate = _of_prints(document, actions, limits)
-    points = np.concatenate([actions.path[:1], actions.path[inner]])
+    first_at = actions.path[:1] if len(actions.path) else np.array([head.park])
+    points = np.concatenate([first_at, actions.path[inner]])
     rows, row = _limits(limits, rate[inner])
     program = HeadProgram(
         actions.head, points, filament[inner], feed[inner], row, rows,
