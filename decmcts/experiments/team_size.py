@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import curve, figure
-from decmcts.experiments.prints import names_of, shown
+from decmcts.experiments.prints import shown
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.teams import alone_s, figures, given, planned
 from decmcts.experiments.two_heads import machine_for

@@ -22,6 +22,7 @@ from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.baselines.incumbent import Budget, Found
 from decmcts.team.baselines.planners import Plan, in_one_process
 from decmcts.team.bounds.makespan import makespan_bound
@@ -66,6 +67,7 @@ def given(name: str, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = M
 def planned(what: Given, key: Key, by: Plan = in_one_process) -> tuple[PlanDocument, Found]:
     """Return the joint plan that a planner finds; raises VerificationError unless it is safe."""
     compile_rounds()
+    by(what.team, Budget(Stopping(iterations=1)), seed=0)  # compiles, or loads what is compiled
     found = by(what.team, Budget(stopping_of(key)), seed=int(key["seed"]))
     return exact(what, found.toolpaths), found
 

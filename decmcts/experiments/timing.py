@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from matplotlib.figure import Figure
 
@@ -51,12 +51,12 @@ def _plan(name: str, seconds: float, iterations: int, seed: int) -> PlanDocument
 def _run(key: Key) -> Row:
     document = _plan(key["print"], key["seconds"], key["iterations"], key["seed"])
     programs = programs_of_plan(document)
-    asked = {
-        "timing": Timing(key["timing"]), "size": float(key["error_share"]),
-        "trials": int(key["draws"]), "seed": int(key["seed"]),
-    }  # fmt: skip
-    waits = simulate(programs, document.machine, **asked)
-    clock = simulate(by_the_clock(programs, waits.run), document.machine, **asked)
+    run = partial(
+        simulate, machine=document.machine, timing=Timing(key["timing"]),
+        size=float(key["error_share"]), trials=int(key["draws"]), seed=int(key["seed"]),
+    )  # fmt: skip
+    waits = run(programs)
+    clock = run(by_the_clock(programs, waits.run))
     shared = {"contours": len(document.contours), "planned_s": round(waits.makespan_s, 1)}
     return shared | _figures("waits", waits, waits) | _figures("clock", clock, waits)
 
@@ -75,17 +75,15 @@ def _figures(name: str, found: Simulation, calm: Simulation) -> Row:
 
 
 def _tables(rows: Sequence[Line]) -> str:
-    lines = []
-    for (timing, error), mine in grouped(rows, "timing", "error_share").items():
-        draws = int(sum(column(mine, "draws")))
-        for name in ("waits", "clock"):
-            lines.append(
-                [timing, f"{100.0 * float(error):g} %", name, str(draws),
-                 f"{sum(column(mine, f'{name}_collided')):.0f}",
-                 f"{sum(column(mine, f'{name}_contacts')):.0f}",
-                 f"{min(column(mine, f'{name}_least_mm')):.2f}",
-                 spread(column(mine, f"{name}_longer"), 3)]
-            )  # fmt: skip
+    lines = [
+        [timing, f"{100.0 * float(error):g} %", name, f"{sum(column(mine, 'draws')):.0f}",
+         f"{sum(column(mine, f'{name}_collided')):.0f}",
+         f"{sum(column(mine, f'{name}_contacts')):.0f}",
+         f"{min(column(mine, f'{name}_least_mm')):.2f}",
+         spread(column(mine, f"{name}_longer"), 3)]
+        for (timing, error), mine in grouped(rows, "timing", "error_share").items()
+        for name in ("waits", "clock")
+    ]  # fmt: skip
     prints = ", ".join(dict.fromkeys(shown(row["print"]) for row in rows))
     return f"Prints: {prints}.\n\n" + markdown(
         lines,
