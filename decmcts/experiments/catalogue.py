@@ -32,8 +32,9 @@ def compute(name: str, key: Key) -> Row:
         error = ""
     except (InputError, VerificationError) as refused:
         found, error = {}, " ".join(str(refused).split())
+    said = {field: value for field, value in key.items() if field != "folder"}
     return {
-        **key, **found, "cpu_s": round(time.process_time() - began, 2),
+        **said, **found, "cpu_s": round(time.process_time() - began, 2),
         "python": platform.python_version(), "numpy": version("numpy"), "numba": version("numba"),
         "error": error,
     }  # fmt: skip

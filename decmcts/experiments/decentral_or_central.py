@@ -74,8 +74,8 @@ def _runs(asked: Asked) -> Iterator[Key]:
 
 
 def _run(key: Key) -> Row:
-    machine, middle = machine_for(key["print"], HEADS, BED_MM)
-    what = given(key["print"], machine, Cut.INSIDE, middle=middle)
+    machine, middle = machine_for(key, HEADS, BED_MM)
+    what = given(key, machine, Cut.INSIDE, middle=middle)
     compile_rounds()
     if key["setting"] == "equal time":
         document, found = planned(what, key, PLANNERS[key["planner"]])

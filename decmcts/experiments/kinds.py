@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
@@ -28,7 +27,7 @@ class Asked:
     """What the runs of an experiment are chosen by."""
 
     full: bool = False
-    prints: tuple[Path, ...] = ()  # G-code of one's own; none: prints made by code
+    prints: tuple[str, ...] = ()  # files of G-code of one's own; none: prints made by code
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,8 +90,8 @@ def _key(
 
 
 def _run(key: Key) -> Row:
-    machine, middle = machine_for(key["print"], int(key["heads"]), BED_MM)
-    what = given(key["print"], machine, Cut.NONE, middle=middle)
+    machine, middle = machine_for(key, int(key["heads"]), BED_MM)
+    what = given(key, machine, Cut.NONE, middle=middle)
     return _planning(what, key) if key["phase"] == "planning" else _printing(what, machine, key)
 
 
@@ -156,8 +156,8 @@ def _printing(what: Given, machine: Machine, key: Key) -> Row:
 
 def _source(key: Key, machine: Machine, what: Given) -> Source:
     """Return the print as it is replanned: under the limits that the plan was made with."""
-    _, middle = machine_for(key["print"], int(key["heads"]), BED_MM)
-    with print_file(key["print"], middle) as path:
+    _, middle = machine_for(key, int(key["heads"]), BED_MM)
+    with print_file(key, middle) as path:
         source = read_source(
             path, what.problem.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=unheard
         )  # fmt: skip

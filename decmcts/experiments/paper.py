@@ -86,7 +86,7 @@ def planner_of(key: Key) -> Planner:
 
 
 def _run(key: Key) -> Row:
-    with print_file(key["print"]) as path:
+    with print_file(key) as path:
         problem = load(path, "paper", RULES).for_one_head(Objective.TRAVEL)
     planner, seed = planner_of(key), int(key["seed"])
     plan_order(problem, planner=planner, stopping=stopping_of({**key, "iterations": 1}), seed=seed)

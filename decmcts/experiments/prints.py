@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from decmcts.errors import InputError
+from decmcts.experiments.kinds import Key
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.samples import SAMPLES
 from sim.experiments.made_print import made_gcode
@@ -26,12 +27,12 @@ Point = tuple[float, float]
 
 
 @contextmanager
-def print_file(name: str, middle: Point = MIDDLE_MM) -> Iterator[Path]:
-    """Yield the file of a print by its name, or by its path for one's own."""
-    path = Path(name)
-    sample = SAMPLES / f"{name}.gcode.gz"
-    if path.is_absolute() or sample.is_file():
-        yield path if path.is_absolute() else sample
+def print_file(key: Key, middle: Point = MIDDLE_MM) -> Iterator[Path]:
+    """Yield the file of a run's print."""
+    name = key["print"]
+    path = Path(key["folder"], name) if is_own(key) else SAMPLES / f"{name}.gcode.gz"
+    if is_own(key) or path.is_file():
+        yield path
         return
     word, *numbers = name.split("-")
     with draft_folder() as folder:
@@ -40,24 +41,29 @@ def print_file(name: str, middle: Point = MIDDLE_MM) -> Iterator[Path]:
         yield made
 
 
+def is_own(key: Key) -> bool:
+    """Tell whether a run is of one's own print; its folder stands in no table."""
+    return bool(key.get("folder"))
+
+
 def shown(name: str) -> str:
-    """Return a print's name for tables: of one's own file without folder and suffix."""
-    return Path(name).name.split(".")[0] if Path(name).is_absolute() else name
+    """Return a print's name for tables: of one's own file without suffix."""
+    return name.split(".")[0]
 
 
-def own_prints(folder: Path) -> tuple[Path, ...]:
-    """Return the G-code files of a folder, sorted; InputError where there is none."""
+def own_prints(folder: Path) -> tuple[str, ...]:
+    """Return the names of the G-code files of a folder, sorted; InputError where there is none."""
     if not folder.is_dir():
         raise InputError("no such folder", path=folder)
-    found = [path.resolve() for path in folder.iterdir() if path.name.lower().endswith(SUFFIXES)]
+    found = [path.name for path in folder.iterdir() if path.name.lower().endswith(SUFFIXES)]
     if not found:
         raise InputError(f"no G-code is there ({', '.join(SUFFIXES)})", path=folder)
     return tuple(sorted(found))
 
 
-def names_of(prints: Sequence[Path], made: Sequence[str]) -> list[str]:
+def names_of(prints: Sequence[str], made: Sequence[str]) -> list[str]:
     """Return the names of one's own prints, or of those made by code where there are none."""
-    return [str(path) for path in prints] or list(made)
+    return list(prints) or list(made)
 
 
 def _made(word: str, numbers: Sequence[int], middle: Point) -> str:

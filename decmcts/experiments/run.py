@@ -112,6 +112,7 @@ def experiment(
         if count is not None and count < 1:
             raise InputError(f"{count} {what} are none, at least 1 is needed")
     asked = Asked(full, () if prints is None else own_prints(Path(prints)))
+    own = "" if prints is None else str(Path(prints).resolve())
     csv, page, picture = (Path(folder) / f"{name}{end}" for end in (".csv", ".md", ".png"))
     _make_folder(Path(folder))
     for path in (csv, page, picture):
@@ -121,7 +122,7 @@ def experiment(
         raise InputError(
             f"this is no table of the experiment {name}", path=csv, advice="name another folder"
         )
-    keys = list(_keys(chosen, asked, time_limit_s, iterations, seeds))
+    keys = [{**key, "folder": own} for key in _keys(chosen, asked, time_limit_s, iterations, seeds)]
     missing = [key for key in keys if not rows.has(**key)]
     if missing:
         _compile(chosen, report)

@@ -21,7 +21,7 @@ MADE = (("row-12-30-25", Cut.NONE), ("row-1-250-0", Cut.ALL))
 
 
 def _runs(asked: Asked) -> Iterator[Key]:
-    own = [(str(path), Cut.ALL) for path in asked.prints]
+    own = [(name, Cut.ALL) for name in asked.prints]
     for name, cut in own or MADE:
         for heads in FULL if asked.full else SMALL:
             yield {"print": name, "cut": cut.value, "heads": heads}
@@ -29,9 +29,9 @@ def _runs(asked: Asked) -> Iterator[Key]:
 
 def _run(key: Key) -> Row:
     heads = int(key["heads"])
-    machine, middle = machine_for(key["print"], max(2, heads), BED_MM)
+    machine, middle = machine_for(key, max(2, heads), BED_MM)
     cut = Cut(key["cut"]) if heads > 1 else Cut.NONE
-    what = given(key["print"], machine, cut, middle=middle)
+    what = given(key, machine, cut, middle=middle)
     one_s = alone_s(what, key)
     if heads == 1:
         return {"contours": len(what.whole.job.contours), "makespan_s": round(one_s, 2),

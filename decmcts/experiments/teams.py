@@ -49,9 +49,9 @@ class Given:
         return self.problem.whole or self.problem
 
 
-def given(name: str, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = MIDDLE_MM) -> Given:
+def given(key: Key, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = MIDDLE_MM) -> Given:
     """Read a print, and cut it where heads then share it sooner; InputError as of `launch`."""
-    with print_file(name, middle) as path:
+    with print_file(key, middle) as path:
         source = read_source(
             path, machine, limits=Limits.SOURCE, mesh=SliceOptions(), report=unheard
         )  # fmt: skip

@@ -30,6 +30,7 @@ ERRORS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the time
 KINDS = (Timing.UNIFORM, Timing.DRIFT)
 MADE = ("row-4-20-5", "strewn-9-12-3", "row-1-90-0")
 DRAWS = Sizes(5, 100)
+PLANNED = ("print", "folder", "seconds", "iterations", "seed")  # what a plan depends on
 
 
 def _runs(asked: Asked) -> Iterator[Key]:
@@ -41,15 +42,24 @@ def _runs(asked: Asked) -> Iterator[Key]:
 
 
 @lru_cache(maxsize=1)
-def _plan(name: str, seconds: float, iterations: int, seed: int) -> PlanDocument:
+def _plan(name: str, folder: str, seconds: float, iterations: int, seed: int) -> PlanDocument:
     """Return a joint plan; the runs of one print that a process makes in turn have the same."""
-    machine, middle = machine_for(name, 2, 300.0)
-    what = given(name, machine, Cut.INSIDE, middle=middle)
-    return planned(what, {"seconds": seconds, "iterations": iterations, "seed": seed})[0]
+    key = {
+        "print": name,
+        "folder": folder,
+        "seconds": seconds,
+        "iterations": iterations,
+        "seed": seed,
+    }
+    machine, middle = machine_for(key, 2, 300.0)
+    what = given(key, machine, Cut.INSIDE, middle=middle)
+    return planned(what, key)[0]
 
 
 def _run(key: Key) -> Row:
-    document = _plan(key["print"], key["seconds"], key["iterations"], key["seed"])
+    document = _plan(
+        key["print"], key.get("folder", ""), key["seconds"], key["iterations"], key["seed"]
+    )
     programs = programs_of_plan(document)
     run = partial(
         simulate, machine=document.machine, timing=Timing(key["timing"]),

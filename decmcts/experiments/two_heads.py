@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import curve, figure
-from decmcts.experiments.prints import Point, names_of, shown
+from decmcts.experiments.prints import Point, is_own, names_of, shown
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.teams import alone_s, figures, given, planned
 from decmcts.formats.machines.machine_file import load_machine
@@ -35,20 +35,20 @@ def _runs(asked: Asked) -> Iterator[Key]:
             yield {"print": name, "cut": cut.value}
 
 
-def machine_for(name: str, heads: int, length_mm: float = BED_MM) -> tuple[Machine, Point]:
+def machine_for(key: Key, heads: int, length_mm: float = BED_MM) -> tuple[Machine, Point]:
     """Return a machine with so many heads in a row, and where prints made by code lie on it.
 
     For one's own prints of two heads it is `dual-gantry` as it is.
     """
     pair = load_machine("dual-gantry")
     middle = length_mm / 2.0, (pair.bed_min[1] + pair.bed_max[1]) / 2.0
-    own = name.startswith("/") and heads == 2
+    own = is_own(key) and heads == 2
     return pair if own else rail_machine(pair, heads, length_mm), middle
 
 
 def _run(key: Key) -> Row:
-    machine, middle = machine_for(key["print"], 2)
-    what = given(key["print"], machine, Cut(key["cut"]), middle=middle)
+    machine, middle = machine_for(key, 2)
+    what = given(key, machine, Cut(key["cut"]), middle=middle)
     document, _ = planned(what, key)
     one_s, row = alone_s(what, key), figures(what, document)
     return {

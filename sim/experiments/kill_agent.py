@@ -22,9 +22,9 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
+from decmcts.samples import sample_path
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.joint_plan import schedule
-from decmcts.samples import sample_path
 from sim.verify import verify_plan
 
 

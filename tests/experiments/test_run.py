@@ -93,8 +93,8 @@ def test_rows_are_equal_whoever_computes_them(own: Path, tmp_path: Path) -> None
 
 def test_a_refused_print_is_a_row_that_says_why(tmp_path: Path) -> None:
     """One bad file among many must not end the others."""
-    key = {"print": str(tmp_path / "none.gcode"), "cut": "none", "seconds": 0.0, "iterations": 1,
-           "seed": 0, "version": __version__}  # fmt: skip
+    key = {"print": "none.gcode", "folder": str(tmp_path), "cut": "none", "seconds": 0.0,
+           "iterations": 1, "seed": 0, "version": __version__}  # fmt: skip
     row = compute("two-heads", key)
     assert "no such file" in row["error"]
     assert "not 0.0.0" in compute("two-heads", {**key, "version": "0.0.0"})["error"]
