@@ -10,11 +10,9 @@ examples of this project and need none.
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
 import platform
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -25,7 +23,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from decmcts.experiments.rows import Rows, grouped, markdown, median, spread
 from decmcts.samples import SAMPLES
+
+__all__ = ["Rows", "grouped", "markdown", "median", "spread"]
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "docs" / "results"
@@ -145,52 +146,6 @@ def last(text: str) -> str:
     return lines[-1] if lines else "no message"
 
 
-class Rows:
-    """A CSV file of results, one row a run; a run that is there, and fine, is not repeated."""
-
-    def __init__(self, path: Path, key: tuple[str, ...]) -> None:
-        self.path, self.key = path, key
-        self.rows: list[dict[str, str]] = []
-        self.read()
-
-    def read(self) -> None:
-        """Read the rows there are; several benchmarks may append to one file."""
-        if self.path.exists():
-            with self.path.open(newline="") as file:
-                self.rows = list(csv.DictReader(file))
-
-    def has(self, **key: Any) -> bool:
-        """Say whether a run with this key was made already, by this process or another."""
-        self.read()
-        wanted = tuple(str(key[name]) for name in self.key)
-        return any(self.key_of(row) == wanted for row in self.rows if not row.get("error"))
-
-    def key_of(self, row: dict[str, str]) -> tuple[str, ...]:
-        """Return the values of a row that say which run it was."""
-        return tuple(row[name] for name in self.key)
-
-    def failures(self) -> str:
-        """Return a Markdown section on the runs that failed and were not made since, or nothing."""
-        made = {self.key_of(row) for row in self.rows if not row["error"]}
-        failed = {self.key_of(row): row["error"] for row in self.rows if row["error"]}
-        lines = [f"- {' '.join(key)}: {failed[key]}\n" for key in failed if key not in made]
-        return "\n## Failed\n\n" + "".join(lines) if lines else ""
-
-    def append(self, row: dict[str, Any]) -> None:
-        """Add one row at the end of the file at once; new columns are empty in older rows."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.read()
-        names = list(self.rows[0]) if self.rows else []
-        added = [name for name in row if name not in names]
-        with self.path.open("w" if added else "a", newline="") as file:
-            writer = csv.DictWriter(file, fieldnames=[*names, *added], restval="")
-            if added:
-                writer.writeheader()
-                writer.writerows(self.rows)
-            writer.writerow(row)
-        self.rows.append({name: str(value) for name, value in row.items()})
-
-
 Run = Callable[[dict[str, Any]], dict[str, Any]]
 
 
@@ -207,37 +162,7 @@ def run_missing(rows: Rows, keys: Iterable[dict[str, Any]], run: Run, *, jobs: i
             raise
 
 
-def grouped(
-    rows: Iterable[dict[str, str]], *fields: str
-) -> dict[tuple[str, ...], list[dict[str, str]]]:
-    """Return the rows without an error by their values of `fields`, in order of appearance."""
-    found: dict[tuple[str, ...], list[dict[str, str]]] = {}
-    for row in rows:
-        if not row["error"]:
-            found.setdefault(tuple(row[name] for name in fields), []).append(row)
-    return found
-
-
-def median(rows: Iterable[dict[str, str]], field: str) -> float:
-    """Return the median of a column over rows, at least one."""
-    return statistics.median(float(row[field]) for row in rows)
-
-
-def spread(values: Sequence[float], digits: int = 1) -> str:
-    """Return the median of values and, in brackets, their quartiles."""
-    if len(values) < 2:
-        return f"{values[0]:.{digits}f}" if values else ""
-    low, mid, high = statistics.quantiles(values, n=4, method="inclusive")
-    return f"{mid:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
-
-
 def in_groups(items: Sequence[Any], size: int) -> Iterator[Sequence[Any]]:
     """Yield the items, `size` at a time."""
     for first in range(0, len(items), size):
         yield items[first : first + size]
-
-
-def markdown(rows: list[list[str]], head: list[str]) -> str:
-    """Return a Markdown table."""
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"

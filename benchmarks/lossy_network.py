@@ -35,6 +35,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.made_print import made_gcode
+from sim.experiments.memory_team import MemoryTeam
 from sim.verify import verify_plan
 from tests.agents.simulation import Team
 from tests.agents.toy import load_balance
@@ -73,19 +74,17 @@ def problem_of(seed: int) -> TeamProblem:
     return build_team_problem(pack.job, pack.machine, pack.graph, start=pack.start)
 
 
-def team_of(planner: str, loss: str, seed: int) -> Team:
+def team_of(planner: str, loss: str, seed: int) -> MemoryTeam:
     """Return the team of a run."""
-    heads = heads_of(planner, seed)
-    return Team(
-        heads,
-        weather_of(loss, seed),
-        seed=seed,
-        limit_s=PLANNING_S[planner],
-        quirks={heads - 1: "another host"} if planner == "unequal" else {},
-        planner_of=(lambda head: TeamPlanner(problem_of(seed), head, seed=seed))
-        if planner == "team"
-        else None,
-    )
+    heads, weather = heads_of(planner, seed), weather_of(loss, seed)
+    limit_s = PLANNING_S[planner]
+    if planner == "team":
+        return MemoryTeam(
+            heads, weather, lambda head: TeamPlanner(problem_of(seed), head, seed=seed),
+            seed=seed, limit_s=limit_s,
+        )  # fmt: skip
+    quirks = {heads - 1: "another host"} if planner == "unequal" else {}
+    return Team(heads, weather, seed=seed, limit_s=limit_s, quirks=quirks)
 
 
 def fault_of(planner: str, release: Release, seed: int) -> str:

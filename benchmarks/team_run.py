@@ -22,7 +22,6 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-import numpy as np
 from common import own_process
 from team_prints import swept_problem, team_problem
 
@@ -33,9 +32,9 @@ from decmcts.print.plan import JointPlan
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.baselines.incumbent import Budget
+from decmcts.team.baselines.one_tree import OneTree
 from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.bounds.makespan import makespan_bound
-from decmcts.team.dec_mcts.exchange import exchange_jointly
 from decmcts.team.dec_mcts.parameters import changed
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
 from decmcts.team.dec_mcts.rounds import plan_once
@@ -50,35 +49,6 @@ PROCESSES, TOGETHER = "processes", "one-process"
 METHODS = (PROCESSES, TOGETHER, *BASELINES)
 Paths = tuple[Toolpath, ...]
 Figures = dict[str, Any]
-
-
-class OneTree(DecMcts):
-    """One Monte Carlo tree over joint plans in place of a tree and a distribution a head."""
-
-    def _sample(self, team: tuple[int, ...]) -> None:
-        """Grow the tree by one joint plan."""
-        if self._joint is None:
-            self._joint = [self._values.starts[team].plans]
-            self._tree = self._new_tree(np.zeros(1, np.int32))
-        node = self._tree.descend()
-        plans = exchange_jointly(self.problem, self._joint[node], self._rng)
-        while self._rng.random() < 0.3:
-            plans = exchange_jointly(self.problem, plans, self._rng)
-        self._joint.append(plans)
-        child = self._tree.expand(node, np.array([len(self._joint)], np.int32))
-        makespan = self._values.makespan(plans, team)
-        self._utilities.append(-makespan)
-        low, high = float(np.median(self._utilities)), max(self._utilities)
-        reward = max(0.0, -makespan - low) / (high - low) if high > low else 0.5
-        self._tree.backup(child, reward)
-
-    _joint: list[Any] | None = None
-
-    def _combine(self, team: tuple[int, ...]) -> None:
-        """Leave all to the tree."""
-
-    def _update(self, team: tuple[int, ...]) -> None:
-        """Have no distribution."""
 
 
 class NoTree(DecMcts):

@@ -14,6 +14,7 @@ from decmcts.version import __version__
 
 if TYPE_CHECKING:
     from decmcts.errors import InputError, VerificationError
+    from decmcts.experiments.run import Experimented, experiment
     from decmcts.formats.bare.qcsp import read_qcsp
     from decmcts.formats.bare.sop import read_sop
     from decmcts.formats.machines.machine_file import load_machine, preset_names
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 
 _ROOMS = {
     "decmcts.errors": ("InputError", "VerificationError"),
+    "decmcts.experiments.run": ("Experimented", "experiment"),
     "decmcts.formats.machines.machine_file": ("load_machine", "preset_names"),
     "decmcts.formats.mesh": ("SliceOptions",),
     "decmcts.formats.bare.qcsp": ("read_qcsp",),
@@ -87,14 +89,14 @@ _ROOMS = {
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
-    "Begun", "Certificate", "Cut", "Event", "Fault", "FaultKind", "Figures", "Freedom", "Heads",
-    "Held", "Incumbent", "InputError", "Limits", "Machine", "Note", "Objective", "Planner",
-    "PlannerName", "ProcessOrder", "Progress", "QcspResult", "Report", "Result", "Rules", "Seam",
-    "Search", "Simulated", "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step",
-    "TeamSearch",
-    "Verdict", "VerificationError", "Written", "__version__", "bound", "choose_slicer", "launch",
-    "load_machine", "plan", "preset_names", "read", "read_qcsp", "read_sop", "sample_path",
-    "simulate", "solve_qcsp", "solve_sop", "verify",
+    "Begun", "Certificate", "Cut", "Event", "Experimented", "Fault", "FaultKind", "Figures",
+    "Freedom", "Heads", "Held", "Incumbent", "InputError", "Limits", "Machine", "Note",
+    "Objective", "Planner", "PlannerName", "ProcessOrder", "Progress", "QcspResult", "Report",
+    "Result", "Rules", "Seam", "Search", "Simulated", "SliceOptions", "Slicing", "SopResult",
+    "Sound", "Source", "Step", "TeamSearch", "Verdict", "VerificationError", "Written",
+    "__version__", "bound", "choose_slicer", "experiment", "launch", "load_machine", "plan",
+    "preset_names", "read", "read_qcsp", "read_sop", "sample_path", "simulate", "solve_qcsp",
+    "solve_sop", "verify",
 ]  # fmt: skip
 
 

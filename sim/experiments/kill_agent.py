@@ -22,9 +22,9 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
+from decmcts.samples import sample_path
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.two_heads import EXAMPLE
 from sim.verify import verify_plan
 
 
@@ -81,7 +81,9 @@ def run(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the experiment."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("input", nargs="?", type=Path, default=EXAMPLE, metavar="PRINT.gcode")
+    parser.add_argument(
+        "input", nargs="?", type=Path, default=sample_path("plate.gcode.gz"), metavar="PRINT.gcode"
+    )
     parser.add_argument("--machine", default="dual-gantry")
     parser.add_argument("--head", type=int, default=1, help="index of the head to lose")
     parser.add_argument("--after", type=float, default=3.0, metavar="S", help="seconds of planning")

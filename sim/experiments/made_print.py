@@ -28,13 +28,16 @@ END = (
 )
 
 
-def made_gcode(centres: Sequence[tuple[float, float]]) -> str:
+def made_gcode(
+    centres: Sequence[tuple[float, float]], *, size_mm: float = 20.0, layers: int = LAYERS
+) -> str:
     """Return the G-code of one square tower on each of the `centres`, mm, and a skirt."""
-    lines = list(_skirt(centres))
-    for layer in range(LAYERS):
+    half = size_mm / 2.0
+    lines = list(_skirt(centres, half + 10.0))
+    for layer in range(layers):
         lines += _layer_start(layer)
         for centre in centres:
-            lines += _tower(centre, layer)
+            lines += _tower(centre, layer, half)
     return START + "\n".join(lines) + "\n" + END
 
 
@@ -42,29 +45,30 @@ def _layer_start(layer: int) -> list[str]:
     z = LAYER_MM * (layer + 1)
     lines = [";LAYER_CHANGE", f";Z:{z:g}", f";HEIGHT:{LAYER_MM}", f"G1 Z{z:.3f} F720"]
     lines += {1: ["M104 S205", "M106 S85"], 2: ["M106 S170"]}.get(layer, [])
-    return [*lines, f"M73 P{10 + 15 * layer} R{8 - layer}"] if layer else lines
+    return [*lines, f"M73 P{min(10 + 15 * layer, 99)} R{max(8 - layer, 0)}"] if layer else lines
 
 
-def _skirt(centres: Sequence[tuple[float, float]]) -> Iterator[str]:
+def _skirt(centres: Sequence[tuple[float, float]], away: float) -> Iterator[str]:
     xs, ys = [c[0] for c in centres], [c[1] for c in centres]
-    low, high = (min(xs) - 20.0, min(ys) - 20.0), (max(xs) + 20.0, max(ys) + 20.0)
+    low, high = (min(xs) - away, min(ys) - away), (max(xs) + away, max(ys) + away)
     yield from (";LAYER_CHANGE", f";Z:{LAYER_MM}", f";HEIGHT:{LAYER_MM}")
     yield from (";TYPE:Skirt/Brim", ";WIDTH:0.45", f"G1 Z{LAYER_MM:.3f} F720", "M204 P800")
     corners = [low, (high[0], low[1]), high, (low[0], high[1]), low]
     yield from bead(corners, 1200)
 
 
-def _tower(centre: tuple[float, float], layer: int) -> Iterator[str]:
-    x, y = centre
+def _tower(centre: tuple[float, float], layer: int, half: float) -> Iterator[str]:
+    (x, y), strokes = centre, max(2, int(half / 2.0))
     yield from (";TYPE:Perimeter", ";WIDTH:0.45", "M204 P1000")
-    yield from bead(square(x, y, 9.55), 2400)
+    yield from bead(square(x, y, half - 0.45), 2400)
     yield from (";TYPE:External perimeter", "M204 P800")
-    yield from bead(square(x, y, 10.0), 1500)
+    yield from bead(square(x, y, half), 1500)
     yield from (";TYPE:Internal infill", "M204 P1000")
-    zigzag = [(x + 3.0 * k - 6.0, y + (8.0 if (k + layer) % 2 else -8.0)) for k in range(5)]
+    left, end = x - 1.5 * (strokes - 1), half - 2.0
+    zigzag = [(left + 3.0 * k, y + (end if (k + layer) % 2 else -end)) for k in range(strokes)]
     yield from bead(zigzag, 3000)
     yield from (";TYPE:External perimeter", "M204 P800")
-    yield from _pin(x + 14.0, y)
+    yield from _pin(x + half + 4.0, y)
 
 
 def square(x: float, y: float, half: float) -> list[Point]:

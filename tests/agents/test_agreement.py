@@ -11,7 +11,8 @@ from agents.messages.codec import encode, kind_of
 from agents.messages.kinds import Distribution, Envelope, Goodbye, Proposal
 from agents.networks.memory import Weather
 from agents.networks.transport import NoNetwork, Packet
-from tests.agents.simulation import Recorder, Team
+from sim.experiments.memory_team import Recorder
+from tests.agents.simulation import Team
 from tests.agents.toy import ToyPlanner, load_balance
 
 STORM = Weather(loss=0.3, delay_s=(0.0, 0.4), duplicate=0.3)

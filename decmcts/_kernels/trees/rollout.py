@@ -105,6 +105,24 @@ def _release(clustered: Clustered, rollout: Rollout, c: int, n_local: int) -> in
 
 
 @kernel
+def nearest_cluster(clustered: Clustered, rollout: Rollout) -> int:
+    """Return the ready cluster with the contour nearest to the nozzle, which stands somewhere."""
+    metric, reversible, at = clustered.metric, clustered.reversible, rollout.tally[PORT]
+    found, shortest = rollout.ready[0], np.inf
+    for k in range(rollout.tally[READY]):
+        h = rollout.ready[k]
+        for x in range(clustered.member_offsets[h], clustered.member_offsets[h + 1]):
+            c = clustered.members[x]
+            if rollout.waiting[c] > 0:
+                continue
+            for f in range(2 if reversible[c] else 1):
+                d = distance(metric, at, 2 * c + f)
+                if d < shortest or (d == shortest and h < found):
+                    found, shortest = h, d
+    return int(found)
+
+
+@kernel
 def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
     """Mutate the rollout: print cluster h, which must be ready, nearest feasible first."""
     metric, reversible, local = clustered.metric, clustered.reversible, rollout.local

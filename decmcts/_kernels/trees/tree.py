@@ -19,8 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.random import below
-from decmcts._kernels.trees.rollout import READY, Clustered, Rollout, print_cluster, reset
+from decmcts._kernels.random import below, uniform
+from decmcts._kernels.trees.rollout import (
+    NOWHERE,
+    PORT,
+    READY,
+    Clustered,
+    Rollout,
+    nearest_cluster,
+    print_cluster,
+    reset,
+)
 
 ROOT = 0
 NO_NODE = -1
@@ -144,10 +153,12 @@ def simulate(
     state: NDArray[np.uint64],
     exploration: float,
     longest: float,
+    nearest: float,
 ) -> None:
     """Mutate the tree by one iteration; `rollout` then holds its complete sequence.
 
-    The reward is (longest - T) / longest for the travel T of the sequence.
+    The reward is (longest - T) / longest for the travel T of the sequence. With chance `nearest`
+    a rollout goes on with the nearest cluster instead of a random one.
     """
     reset(clustered, rollout)
     node = ROOT
@@ -159,7 +170,11 @@ def simulate(
         node = expand(tree, node, h)
         print_cluster(clustered, rollout, h)
     while rollout.tally[READY] > 0:
-        h = rollout.ready[below(state, rollout.tally[READY])]
+        stands = rollout.tally[PORT] != NOWHERE
+        if nearest > 0.0 and stands and uniform(state) < nearest:
+            h = nearest_cluster(clustered, rollout)
+        else:
+            h = rollout.ready[below(state, rollout.tally[READY])]
         print_cluster(clustered, rollout, h)
     reward = (longest - rollout.travel[0]) / longest if longest > 0.0 else 1.0
     backup(tree, node, reward)
@@ -174,6 +189,7 @@ def simulate_many(
     state: NDArray[np.uint64],
     exploration: float,
     longest: float,
+    nearest: float,
     iterations: int,
     order: NDArray[np.int32],
     is_reversed: NDArray[np.uint8],
@@ -184,7 +200,7 @@ def simulate_many(
     Sequences no better than `best` are not kept.
     """
     for _ in range(iterations):
-        simulate(tree, clustered, rollout, tried, state, exploration, longest)
+        simulate(tree, clustered, rollout, tried, state, exploration, longest, nearest)
         if rollout.travel[0] < best:
             best = rollout.travel[0]
             order[:] = rollout.order

@@ -1,6 +1,26 @@
 """The commands; importing this registers each on `app`, in the order `--help` lists them."""
 
 # ruff: noqa: I001  # that order
-from decmcts.cli.commands import verify, simulate, machines, plan, post, launch, replan, warm
+from decmcts.cli.commands import (
+    verify,
+    simulate,
+    machines,
+    plan,
+    post,
+    launch,
+    replan,
+    warm,
+    experiment,
+)
 
-__all__ = ["launch", "machines", "plan", "post", "replan", "simulate", "verify", "warm"]
+__all__ = [
+    "experiment",
+    "launch",
+    "machines",
+    "plan",
+    "post",
+    "replan",
+    "simulate",
+    "verify",
+    "warm",
+]

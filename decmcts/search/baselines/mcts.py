@@ -1,6 +1,7 @@
 """The planner `mcts`: the paper's Monte Carlo tree search on the clustered graph.
 
-Kept as the reference for the paper's figures; nothing is added to it.
+Kept as the reference for the paper's figures: as it is by default nothing is added to it. What
+experiments vary are parameters.
 
 References
 ----------
@@ -25,7 +26,6 @@ from decmcts.search.decomposition.clustered import clustered_problem, fresh_roll
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import POLL_S, next_chunk
 
-_MOST_NODES = 4_000_000  # about 150 MB
 _CHUNK = 200  # iterations between looks at the clock when iterations are limited
 _LARGEST_CHUNK = 100_000
 
@@ -37,6 +37,8 @@ class Mcts:
     exploration: float = math.sqrt(2.0)  # of UCB1
     patience_s: float = 300.0  # stop when nothing better was found for so long
     labels: Callable[[DependencyGraph], NDArray[np.int32]] = cluster_contours
+    nearest: float = 0.0  # chance that a rollout goes on with the nearest cluster, not any
+    most_nodes: int = 4_000_000  # of the tree, about 150 MB; 1: rollouts from the root alone
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
         """Search until the budget is spent or patience runs out."""
@@ -46,14 +48,14 @@ class Mcts:
         rollout, state = fresh_rollout(clustered), seeded(seed)
         tried = np.zeros(len(clustered.outer_preds), np.bool_)
         longest = incumbent.problem.longest_travel() * len(rollout.order)
-        tree, chunk = new_tree(1024), 1
+        tree, chunk = new_tree(min(1024, self.most_nodes)), 1
         order, is_reversed, best = rollout.order.copy(), rollout.reversed.copy(), math.inf
         while not incumbent.over and not self._has_lost_patience(incumbent):
-            tree = with_room(tree, chunk, _MOST_NODES)
+            tree = with_room(tree, chunk, self.most_nodes)
             before, was = incumbent.seconds, best
             best = simulate_many(
-                tree, clustered, rollout, tried, state, self.exploration, longest, chunk,
-                order, is_reversed, best,
+                tree, clustered, rollout, tried, state, self.exploration, longest, self.nearest,
+                chunk, order, is_reversed, best,
             )  # fmt: skip
             incumbent.iterations += chunk
             if best < was:

@@ -24,9 +24,16 @@ from decmcts.search.decomposition.clustered import clustered_problem, fresh_roll
 from tests.search.problems import random_problem
 
 
-@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 25), clusters=st.integers(1, 10))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(1, 25),
+    clusters=st.integers(1, 10),
+    nearest=st.sampled_from([0.0, 0.5, 1.0]),
+)
 @settings(max_examples=50, deadline=None)
-def test_every_rollout_is_feasible_and_priced_right(seed: int, n: int, clusters: int) -> None:
+def test_every_rollout_is_feasible_and_priced_right(
+    seed: int, n: int, clusters: int, nearest: float
+) -> None:
     """Any rollout may become the plan, whatever the clustering."""
     problem = random_problem(seed, n, density=0.15)
     labels = np.random.default_rng(seed).integers(0, clusters, n).astype(np.int32)
@@ -34,13 +41,32 @@ def test_every_rollout_is_feasible_and_priced_right(seed: int, n: int, clusters:
     rollout, state, tree = fresh_rollout(clustered), seeded(seed), new_tree(64)
     tried = np.zeros(len(clustered.outer_preds), np.bool_)
     for _ in range(10):
-        simulate(tree, clustered, rollout, tried, state, 1.0, 100.0)
+        simulate(tree, clustered, rollout, tried, state, 1.0, 100.0, nearest)
         assert respects(rollout.order, problem.graph.succ_offsets, problem.graph.succs)
         cost = tour_cost(clustered.metric, rollout.order, rollout.reversed)
         assert rollout.travel[0] == pytest.approx(cost)
         blocks = [h for h, _ in itertools.groupby(clustered.label[rollout.order].tolist())]
         assert len(blocks) == len(set(blocks))
     assert not tried.any()
+
+
+def test_a_nearest_rollout_goes_on_with_the_nearest_cluster() -> None:
+    """Then a rollout is a greedy tour from where the tree leaves off."""
+    problem = random_problem(6, 12, density=0.1)
+    clustered = clustered_problem(problem, np.arange(12, dtype=np.int32))
+    rollout, tried = fresh_rollout(clustered), np.zeros(12, np.bool_)
+    simulate(new_tree(1), clustered, rollout, tried, seeded(2), 1.0, 100.0, 1.0)
+    done = {int(rollout.order[0])}
+    for a, b in itertools.pairwise(rollout.order.tolist()):
+        at = problem.start[a] if rollout.reversed[a] else problem.end[a]
+        reached = problem.start[b] if not rollout.reversed[b] else problem.end[b]
+        waits = {after for before, after in problem.graph.pairs().tolist() if before not in done}
+        ready = [c for c in range(12) if c not in done and c not in waits]
+        ends = [problem.start[c] for c in ready]
+        ends += [problem.end[c] for c in ready if problem.reversible[c]]
+        nearest = min(float(np.linalg.norm(at - end)) for end in ends)
+        assert np.linalg.norm(at - reached) == pytest.approx(nearest)
+        done.add(b)
 
 
 def test_visits_and_rewards_add_up() -> None:
@@ -51,7 +77,7 @@ def test_visits_and_rewards_add_up() -> None:
     longest = 12 * longest_hop(clustered.metric, clustered.reversible)
     tree, state = new_tree(2000), seeded(1)
     for _ in range(500):
-        simulate(tree, clustered, rollout, tried, state, 1.4, longest)
+        simulate(tree, clustered, rollout, tried, state, 1.4, longest, 0.0)
     size = int(tree.size[0])
     assert tree.visits[ROOT] == 500
     assert (tree.reward[:size] >= 0).all()
@@ -110,7 +136,7 @@ def test_a_full_tree_goes_on() -> None:
     clustered = clustered_problem(problem, np.arange(10, dtype=np.int32))
     rollout, tree = fresh_rollout(clustered), new_tree(5)
     best = simulate_many(
-        tree, clustered, rollout, np.zeros(10, np.bool_), seeded(1), 1.4, 100.0, 200,
+        tree, clustered, rollout, np.zeros(10, np.bool_), seeded(1), 1.4, 100.0, 0.0, 200,
         rollout.order.copy(), rollout.reversed.copy(), np.inf,
     )  # fmt: skip
     assert np.isfinite(best)

@@ -1,0 +1,97 @@
+"""`decmcts experiment`: questions answered by runs, from a name to a table and a figure."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.console import out, steps
+from decmcts.experiments.catalogue import EXPERIMENTS
+from decmcts.experiments.cluster import cluster_at
+from decmcts.experiments.run import experiment as run_experiment
+
+NameArgument = Annotated[str | None, typer.Argument(help="Which one; without it all are listed")]
+FolderOption = Annotated[
+    Path,
+    typer.Option(
+        "-o", "--output", rich_help_panel=opt.BASICS, metavar="FOLDER",
+        help="Gets NAME.csv, NAME.md and NAME.png; rows that are there are not computed again",
+    ),
+]  # fmt: skip
+FullOption = Annotated[
+    bool,
+    typer.Option(
+        "--full", rich_help_panel=opt.BASICS, help="All of it, hours; else a minute or two"
+    ),
+]
+PrintsOption = Annotated[
+    Path | None,
+    typer.Option(
+        rich_help_panel=opt.BASICS, metavar="FOLDER",
+        help="G-code of your own, in place of prints made by code",
+    ),
+]  # fmt: skip
+LimitOption = Annotated[
+    float | None,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="S", min=0.0, help="Processor time of each search"
+    ),
+]
+IterationsOption = Annotated[
+    int | None,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="N", min=1,
+        help="Rounds of each search in place of seconds: equal rows on every computer",
+    ),
+]  # fmt: skip
+SeedsOption = Annotated[
+    int | None, typer.Option(rich_help_panel=opt.SEARCH, metavar="N", min=1, help="How many seeds")
+]
+JobsOption = Annotated[
+    int | None,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="N", min=1, help="Processes; default: one a core"
+    ),
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="ADDRESS",
+        help="Scheduler of a Dask cluster that computes the rows",
+    ),
+]  # fmt: skip
+
+
+@app.command()
+def experiment(
+    name: NameArgument = None,
+    folder: FolderOption = Path(),
+    full: FullOption = False,
+    prints: PrintsOption = None,
+    time_limit: LimitOption = None,
+    iterations: IterationsOption = None,
+    seeds: SeedsOption = None,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
+) -> None:
+    """Run an experiment that comes with the program; exit code 1 if some of its runs failed."""
+    if name is None:
+        for each in EXPERIMENTS.values():
+            out.print(f"{each.name:22}{each.question}", soft_wrap=True)
+        return
+    by = nullcontext(None) if cluster is None else cluster_at(cluster)
+    with steps() as told, by as executor:
+        found = run_experiment(
+            name, folder, full=full, prints=prints, time_limit_s=time_limit,
+            iterations=iterations, seeds=seeds, jobs=jobs, executor=executor, report=told,
+        )  # fmt: skip
+    out.print(found.page, soft_wrap=True)
+    for path in found.paths:
+        out.print(f"wrote {path}", soft_wrap=True)
+    if found.failed:
+        raise typer.Exit(1)

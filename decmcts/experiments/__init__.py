@@ -1,0 +1,1 @@
+"""Experiments that come with the program: from a question to rows, a table and a figure."""

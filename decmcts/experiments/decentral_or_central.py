@@ -1,0 +1,171 @@
+"""`decentral-or-central`: a search a head, or one host that plans for all.
+
+*Equal time*: all planners get equal processor time in one process, and know all. *Network*: agents
+agree by the same protocol over a network in memory that loses and delays messages. Decentral, each
+head searches and they exchange distributions and best plans. Central, one head has the rounds of
+all, and the others wait for its plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+
+from matplotlib.figure import Figure
+
+from agents.planners.team_planner import TeamPlanner
+from decmcts.experiments.in_memory import agreed, weather_of
+from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
+from decmcts.experiments.pictures import boxes, figure
+from decmcts.experiments.prints import names_of
+from decmcts.experiments.rows import Line, column, grouped, markdown, median, spread
+from decmcts.experiments.teams import figures, given, planned
+from decmcts.experiments.two_heads import machine_for
+from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.planning.options import Cut
+from decmcts.team.baselines import annealing, auction, joint_tree, one_tree
+from decmcts.team.baselines.planners import Plan, in_one_process
+from decmcts.team.dec_mcts.warm_up import compile_rounds
+from decmcts.team.engine.problem import TeamProblem
+
+HEADS = 3
+BED_MM = 500.0
+MADE = ("row-6-20-20", "row-3-60-10")
+PLANNERS: Mapping[str, Plan] = {
+    "dec-mcts": in_one_process,
+    "one tree": one_tree.plan,
+    "joint-mcts": joint_tree.plan,
+    "annealing": annealing.plan,
+    "auction": auction.plan,
+}
+NETWORKS = ((0.0, 0.0), (0.2, 0.5), (0.5, 1.0))  # loss, delay at most in s
+DECENTRAL, CENTRAL = "decentral", "central"
+
+
+class Central(TeamPlanner):
+    """Plans for all heads, in the processor time of all."""
+
+    def __init__(self, problem: TeamProblem, head: int, *, seed: int) -> None:
+        super().__init__(problem, head, seed=seed)
+        self._search = one_tree.OneTree(problem, head, seed=seed)
+
+    def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
+        """Do as many rounds as there are heads."""
+        for _ in live:
+            super().iterate(live, spent)
+
+
+class Follower(TeamPlanner):
+    """Plans nothing: it takes what it is offered."""
+
+    def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
+        """Do nothing."""
+
+
+def _runs(asked: Asked) -> Iterator[Key]:
+    for name in names_of(asked.prints, MADE):
+        for planner in PLANNERS:
+            yield {"print": name, "setting": "equal time", "planner": planner, "loss": 0.0,
+                   "delay_s": 0.0}  # fmt: skip
+        for loss, delay_s in NETWORKS:
+            for planner in (DECENTRAL, CENTRAL):
+                yield {"print": name, "setting": "network", "planner": planner, "loss": loss,
+                       "delay_s": delay_s}  # fmt: skip
+
+
+def _run(key: Key) -> Row:
+    machine, middle = machine_for(key, HEADS, BED_MM)
+    what = given(key, machine, Cut.INSIDE, middle=middle)
+    compile_rounds()
+    if key["setting"] == "equal time":
+        document, found = planned(what, key, PLANNERS[key["planner"]])
+        return figures(what, document) | {"orders": found.orders}
+    weather = weather_of(float(key["loss"]), float(key["delay_s"]))
+    result = agreed(what, weather, _planners(what.team, key), key)
+    return figures(what, result.document) | {
+        "agreeing_s": round(result.released_s - result.planned_s, 2), "messages": result.messages,
+    }  # fmt: skip
+
+
+def _planners(problem: TeamProblem, key: Key) -> Callable[[int], TeamPlanner]:
+    """Return what makes the planner of each head."""
+    made = partial(TeamPlanner, problem, seed=int(key["seed"]))
+    if key["planner"] == DECENTRAL:
+        return made
+    central = partial(Central, problem, seed=int(key["seed"]))
+    follower = partial(Follower, problem, seed=int(key["seed"]))
+    return lambda head: follower(head) if head else central(head)
+
+
+def against(rows: Sequence[Line], planner: str, *fields: str) -> list[Line]:
+    """Return the rows with `ratio`: makespan over that of a planner in the same setting.
+
+    `fields` are what the setting is made of, beside print and seed.
+    """
+    same = ("print", "seed", *fields)
+    of = {tuple(r[f] for f in same): r for r in rows if r["planner"] == planner and not r["error"]}
+    return [
+        {**r, "ratio": str(float(r["makespan_s"]) / float(of[at]["makespan_s"]))}
+        for r in rows
+        if not r["error"] and (at := tuple(r[f] for f in same)) in of
+    ]
+
+
+def _equal(rows: Sequence[Line]) -> list[Line]:
+    return against([r for r in rows if r["setting"] == "equal time"], "dec-mcts")
+
+
+def _network(rows: Sequence[Line]) -> list[Line]:
+    """Return the rows of networks, over decentral planning in calm weather."""
+    mine = [r for r in rows if r["setting"] == "network" and not r["error"]]
+    calm = {(r["print"], r["seed"]): r for r in mine
+            if (r["planner"], r["loss"], r["delay_s"]) == (DECENTRAL, "0.0", "0.0")}  # fmt: skip
+    return [
+        {**r, "ratio": str(float(r["makespan_s"]) / float(calm[at]["makespan_s"]))}
+        for r in mine
+        if (at := (r["print"], r["seed"])) in calm
+    ]
+
+
+def _tables(rows: Sequence[Line]) -> str:
+    text = "Equal processor time, equal facts: makespan over that of dec-mcts, and over the bound."
+    lines = [
+        [planner, str(len(mine)), spread(column(mine, "ratio"), 3),
+         f"{min(column(mine, 'ratio')):.3f} to {max(column(mine, 'ratio')):.3f}",
+         spread(column(mine, "over_bound"), 3), f"{median(mine, 'orders'):.0f}"]
+        for (planner,), mine in grouped(_equal(rows), "planner").items()
+    ]  # fmt: skip
+    head = ["planner", "runs", "÷ dec-mcts", "least and most", "÷ bound", "joint orders"]
+    text += f"\n\n{markdown(lines, head)}\n"
+    text += "Over a network: makespan over that of decentral planning without loss and delay.\n\n"
+    lines = [
+        [f"{100.0 * float(loss):g} %", delay, planner, str(len(mine)),
+         spread(column(mine, "ratio"), 3), spread(column(mine, "agreeing_s"), 2),
+         f"{median(mine, 'messages'):.0f}"]
+        for (loss, delay, planner), mine
+        in grouped(_network(rows), "loss", "delay_s", "planner").items()
+    ]  # fmt: skip
+    head = ["lost", "delay up to s", "planning", "runs", "makespan", "agreed after s", "messages"]
+    return text + markdown(lines, head)
+
+
+def _draw(rows: Sequence[Line]) -> Figure:
+    made, axes = figure(3, width=4.6)
+    equal = grouped(_equal(rows), "planner")
+    boxes(axes[0], [column(mine, "ratio") for mine in equal.values()], [k[0] for k in equal])
+    axes[0].set(ylabel="makespan ÷ dec-mcts", title="equal time, equal facts")
+    network = grouped(_network(rows), "loss", "delay_s", "planner")
+    labels = [f"{who}, {100 * float(loss):g} %, {delay} s" for loss, delay, who in network]
+    boxes(axes[1], [column(mine, "ratio") for mine in network.values()], labels)
+    axes[1].set(ylabel="makespan ÷ decentral, no loss", title="network")
+    boxes(axes[2], [column(mine, "agreeing_s") for mine in network.values()], labels)
+    axes[2].set(ylabel="simulated s until all agreed", title="network")
+    return made
+
+
+DECENTRAL_OR_CENTRAL = Experiment(
+    "decentral-or-central",
+    "A search a head, or one for all: at equal processor time, and where messages are lost?",
+    ("print", "setting", "planner", "loss", "delay_s"), _runs, _run, _tables, _draw,
+    Sizes(2.0, 30.0), Sizes(1, 5), (PRINT, TEAM),
+)  # fmt: skip

@@ -1,0 +1,130 @@
+"""A team's print planned in one process: the same at equal seeds and rounds, and judged."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from decmcts._kernels.engine.lags import Lags
+from decmcts.experiments.kinds import Key, Row, stopping_of
+from decmcts.experiments.prints import MIDDLE_MM, Point, print_file
+from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.events import unheard
+from decmcts.planning.options import Cut, Limits, Rules
+from decmcts.planning.problem.own_tools import team_problem
+from decmcts.planning.problem.planned import document_of, require_passed, source_plan
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.problem.source import read_source
+from decmcts.planning.team.cutting import best_sweep
+from decmcts.planning.team.pipeline import lags_of
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.planners import plan_order
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.baselines.incumbent import Budget, Found
+from decmcts.team.baselines.planners import Plan, in_one_process
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.dec_mcts.warm_up import compile_rounds
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.schedule.joint_plan import schedule
+from sim.verify import verify_plan
+
+STEPS = 20_000  # of one head's annealing for each round of a team
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Given:
+    """A print and what heads plan of it."""
+
+    problem: PrintProblem  # with contours cut, if any are
+    lags: Lags  # that cooling demands
+    team: TeamProblem
+
+    @property
+    def whole(self) -> PrintProblem:
+        """The print before contours were cut."""
+        return self.problem.whole or self.problem
+
+
+def given(key: Key, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = MIDDLE_MM) -> Given:
+    """Read a print, and cut it where heads then share it sooner; InputError as of `launch`."""
+    with print_file(key, middle) as path:
+        source = read_source(
+            path, machine, limits=Limits.SOURCE, mesh=SliceOptions(), report=unheard
+        )  # fmt: skip
+        problem = team_problem(source, Rules(), unheard)
+    found = best_sweep(problem, cut, unheard)
+    problem = problem if found is None else found.problem
+    lags = lags_of(problem, source_plan(problem))
+    start = None if found is None else found.order
+    job, machine, graph = problem.job, problem.machine, problem.graph
+    return Given(problem, lags, build_team_problem(job, machine, graph, lags, start))
+
+
+def planned(what: Given, key: Key, by: Plan = in_one_process) -> tuple[PlanDocument, Found]:
+    """Return the joint plan that a planner finds; raises VerificationError unless it is safe."""
+    compile_rounds()
+    by(what.team, Budget(Stopping(iterations=1)), seed=0)  # compiles, or loads what is compiled
+    found = by(what.team, Budget(stopping_of(key)), seed=int(key["seed"]))
+    return exact(what, found.toolpaths), found
+
+
+def exact(what: Given, toolpaths: tuple[Toolpath, ...]) -> PlanDocument:
+    """Return the exact plan of toolpaths; raises VerificationError unless the judge passes it."""
+    document = document_of(what.problem, _scheduled(what, what.problem.machine, toolpaths), {})
+    require_passed(verify_plan(document, source=what.whole.job))
+    return document
+
+
+def alone_s(what: Given, key: Key) -> float:
+    """Return how long one head takes that reaches everything, in the best order annealing finds."""
+    whole = what.whole
+    machine = lone_machine(whole.machine)
+    order = plan_order(
+        OrderProblem.from_job(whole.job, whole.graph, whole.rules.freedom.value),
+        planner="local", stopping=stopping_of(key, STEPS), seed=int(key["seed"]),
+        clock=time.process_time,
+    )  # fmt: skip
+    lags = what.lags if what.problem.whole is None else lags_of(whole, source_plan(whole))
+    plan = schedule(whole.job, machine, whole.graph, [order.toolpath], lags=lags)
+    return plan.makespan_s
+
+
+def _scheduled(what: Given, machine: Machine, toolpaths: tuple[Toolpath, ...]) -> JointPlan:
+    problem = what.problem
+    return schedule(problem.job, machine, problem.graph, toolpaths, lags=what.lags)
+
+
+def bound_s(what: Given) -> float:
+    """Return the makespan that no joint plan can beat, s."""
+    problem = what.problem
+    return makespan_bound(problem.job, problem.machine, problem.graph).bound_s
+
+
+def figures(what: Given, document: PlanDocument) -> Row:
+    """Return makespan, bound, and what share of their time heads wait or have nothing left."""
+    plan, bound = document.plan, bound_s(what)
+    heads, end = len(plan.heads), plan.makespan_s
+    busy = sum(document.metrics["busy_s_per_head"])
+    until = sum(float(head.end_s[-1]) for head in plan.heads if len(head))
+    return {
+        "contours": len(what.whole.job.contours),
+        "makespan_s": round(end, 2),
+        "bound_s": round(bound, 2),
+        "over_bound": round(end / bound, 4),
+        "waits": round((until - busy) / (heads * end), 4),
+        "idle": round(1.0 - until / (heads * end), 4),
+    }
+
+
+def printing_s(document: PlanDocument) -> float:
+    """Return how long all beads of a plan take."""
+    return float(
+        sum(
+            (head.end_s - head.begin_s)[head.kind == ActionKind.PRINT].sum()
+            for head in document.plan.heads
+        )
+    )
