@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from agents.launching.crew import Crew
 from agents.launching.spawn import Agreement, OnStart, run_agents
-from agents.launching.supervisor import LaunchError, OnProgress
+from agents.launching.status import LaunchError, OnProgress
 from agents.messages.digests import apart
 from agents.planners.pack import TEAM, Pack, write_pack
 from agents.planners.serial import joint_order

@@ -41,7 +41,7 @@ from common import RESULTS, ROOT, Rows, grouped, markdown, run_missing, setting
 
 from agents.launching.places import Places
 from agents.launching.spawn import Agreement, run_agents
-from agents.launching.supervisor import AgentStatus, LaunchError
+from agents.launching.status import AgentStatus, LaunchError
 from agents.networks.meeting import UNIX, Meeting
 from agents.networks.transport import DISTURBS
 from decmcts.search.sequence.stopping import Stopping

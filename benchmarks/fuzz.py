@@ -36,7 +36,7 @@ from pathlib import Path
 import numpy as np
 
 import decmcts
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from agents.messages import kinds
 from agents.messages.codec import decode, encode
 from decmcts.cli.commands.replay import BEGINS, read_record

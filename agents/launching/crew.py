@@ -83,3 +83,10 @@ class Crew:
         self._begun = True
         for head, agent in self._agents.items():
             agent.begin([*arguments, "--head", str(head)], meeting)
+
+    def start_again(self, head: int, arguments: Sequence[str], meeting: Meeting | None) -> None:
+        """Start a process in the place of one that ended, and hand it its arguments."""
+        self._agents[head].reap()
+        agent = AgentProcess(head, self._command, self.heard)
+        self._agents[head] = agent
+        agent.begin([*arguments, "--head", str(head)], meeting)

@@ -28,6 +28,11 @@ class Hearing:
         """Take in a pulse."""
         self._heard_at[head] = now
 
+    def forget(self, head: int) -> None:
+        """Drop what was heard of an agent: another process is in its place."""
+        self._heard_at.pop(head, None)
+        self._word_at.pop(head, None)
+
     def speaks(self, head: int, now: float) -> bool:
         """Whether an agent was heard just now."""
         return now - self._heard_at.get(head, -float("inf")) <= GRACE_S

@@ -21,6 +21,7 @@ from agents.networks.meeting import Meeting
 
 _STOP_S = 3.0
 _END_S = 1.0
+BAD_INPUT = 2  # exit code
 PREFIX = "decmcts: "  # of every error the program says
 PIPED = "--piped"  # to an agent: its arguments follow as one line on stdin
 
@@ -104,12 +105,20 @@ class AgentProcess:
             self._process.stdout.close()
         self._errors.close()
 
+    def died(self) -> bool:
+        """Tell whether it ended by a signal or an error, not by leaving or over its input."""
+        return self._code() not in (None, 0, BAD_INPUT)
+
+    def _code(self) -> int | None:
+        """Return its exit code; None: its pipe closed and it runs on."""
+        try:
+            return self._process.wait(_END_S)  # its pipe closes a moment before
+        except subprocess.TimeoutExpired:
+            return None
+
     def ending(self) -> str:
         """Return how it ended, in words: by a signal, with its last words, or just so."""
-        try:
-            code: int | None = self._process.wait(_END_S)  # its pipe closes a moment before
-        except subprocess.TimeoutExpired:
-            code = None
+        code = self._code()
         if code is not None and code < 0:
             return f"killed by {_signal_name(-code)}"
         return self.last_words() or ("" if code is None else f"its process ended ({code})")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from agents.launching.crew import EXTRUDER, Crew
 from agents.launching.places import Places
-from agents.launching.supervisor import AgentStatus, LaunchError, OnProgress, Supervisor
+from agents.launching.status import AgentStatus, LaunchError, OnProgress
+from agents.launching.supervisor import Supervisor
 from agents.networks.meeting import Meeting
 from decmcts.search.sequence.stopping import Stopping
 
 OnStart = Callable[[Mapping[int, int]], None]
-"""Told the process id of every head."""
+"""Told the process id of every head, and again when one was started again."""
 
 SECRET_BYTES = 32
 
@@ -74,16 +75,27 @@ def run_agents(
     if stopping.seconds is None or stopping.iterations is not None:
         raise ValueError("agents plan by the clock: limit seconds, and no iterations")
     epoch = time.time_ns() // 1_000_000
-    shared = [*arguments, *_planning_arguments(stopping.seconds, seed), "--epoch", str(epoch)]
     with (
         Places(len(names)) as places,
         crew if crew is not None else Crew(len(names), command) as team,
     ):
         if meeting is None and len(names) > 1:  # one head alone needs no network
             meeting = Meeting(places.fresh(), secrets.token_bytes(SECRET_BYTES))
-        team.begin(shared, meeting)
-        if on_start is not None:
-            on_start({head: agent.pid for head, agent in team.agents.items()})
+        team.begin([*arguments, *_planning_arguments(stopping.seconds, seed, epoch)], meeting)
+
+        def tell_start() -> None:
+            if on_start is not None:
+                on_start({head: agent.pid for head, agent in team.agents.items()})
+
+        def start_again(head: int, epoch: int, left_s: float, places: Sequence[str] | None) -> None:
+            where = meeting
+            if places is not None and meeting is not None:
+                where = replace(meeting, places=tuple(places))
+            planning = _planning_arguments(left_s, seed, epoch)
+            team.start_again(head, [*arguments, *planning], where)
+            tell_start()
+
+        tell_start()
         supervisor = Supervisor(
             team.agents,
             tuple(names),
@@ -92,6 +104,7 @@ def run_agents(
             epoch=epoch,
             on_progress=on_progress,
             elsewhere=places.fresh,
+            start_again=start_again,
         )
         try:
             released = supervisor.run()
@@ -101,8 +114,9 @@ def run_agents(
     return _agreement(released, tuple(supervisor.status))
 
 
-def _planning_arguments(time_limit_s: float, seed: int) -> list[str]:
-    return ["--controlled", "--time-limit", repr(time_limit_s), "--seed", str(seed)]
+def _planning_arguments(time_limit_s: float, seed: int, epoch: int) -> list[str]:
+    own = ["--time-limit", repr(time_limit_s), "--seed", str(seed), "--epoch", str(epoch)]
+    return ["--controlled", *own]
 
 
 def _agreement(released: dict[str, Any], status: tuple[AgentStatus, ...]) -> Agreement:

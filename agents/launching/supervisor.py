@@ -4,8 +4,9 @@ Decides who is fenced: an agent whose process ended, or one that stays silent, o
 others cannot reach, after its process was killed and waited for. A pause is no death: who
 is silent has `HUNG_S` to come back, and agents that speak but miss each other are first
 sent to meet elsewhere. If that does not help, of two groups that miss each other the larger
-goes on. A plan counts only when every agent that is not fenced released the same digest.
-No planning here.
+goes on. A process that died while there is time to plan is no dead head: it is started again
+once, and its head is fenced until it is ready. A plan counts only when every agent that is not
+fenced released the same digest. No planning here.
 """
 
 from __future__ import annotations
@@ -13,78 +14,23 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
+from agents.launching import limits
 from agents.launching.hearing import Hearing
-from agents.launching.limits import (
-    AFTER_FENCE_S,
-    AGREE_HEAD_S,
-    AGREE_LIMIT_S,
-    AGREE_ROUNDS,
-    FOLLOW_LIMIT_S,
-    GRACE_S,
-    HUNG_S,
-    LATE_LIMIT_S,
-    MEET_HEAD_S,
-    MEET_S,
-    MOST_MOVES,
-    START_LIMIT_S,
-    UNHEARD_S,
-)
 from agents.launching.processes import Said
+from agents.launching.status import TOLD, AgentStatus, Child, LaunchError, OnProgress, StartAgain
 from decmcts.search.sequence.stopping import Stopping
 
 _POLL_S = 0.1
 
 
-class LaunchError(Exception):
-    """The agents came to no plan; one line says why, and `agents` what became of each."""
-
-    agents: tuple[AgentStatus, ...] = ()
-
-
-class Child(Protocol):
-    """What is done to an agent's process here."""
-
-    def tell(self, command: dict[str, Any]) -> None:
-        """Send it a command."""
-
-    def kill(self) -> None:
-        """End it and wait for its end."""
-
-    def ending(self) -> str:
-        """Return how it ended and what its last line of errors was."""
-
-
-@dataclass(frozen=True, slots=True)
-class AgentStatus:
-    """What the launcher last heard of one agent."""
-
-    head: int
-    name: str
-    phase: str = "starting"
-    live: tuple[int, ...] = ()
-    rounds: int = 0
-    best_makespan_s: float = float("inf")
-    elapsed_s: float = 0.0
-    sent: Mapping[str, int] = field(default_factory=dict)  # messages by kind
-    sent_bytes: Mapping[str, int] = field(default_factory=dict)
-    received: Mapping[str, int] = field(default_factory=dict)
-    received_bytes: Mapping[str, int] = field(default_factory=dict)
-    dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
-    history: tuple[tuple[float, float], ...] = ()  # (elapsed s, best makespan s), improvements
-    entropy: float = 1.0  # of the plans it last told: 0 decided, 1 all alike
-    note: str = ""
-    stuck: bool = False  # the heads it hears cannot print everything
-    agreeing_s: float | None = None  # from the end of planning, to the release in the end
-
-
-OnProgress = Callable[[tuple[AgentStatus, ...]], None]
-
-
 class Supervisor:
-    """State of one launch; `run` until a plan is released. `elsewhere` returns fresh places."""
+    """State of one launch; `run` until a plan is released.
+
+    `elsewhere` returns fresh places; `start_again` is the only one to change `agents`.
+    """
 
     def __init__(
         self,
@@ -96,9 +42,10 @@ class Supervisor:
         epoch: int,
         on_progress: OnProgress | None = None,
         elsewhere: Callable[[], Sequence[str]] | None = None,
+        start_again: StartAgain | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._epoch = epoch  # incarnation of all the agents of this launch
+        self._epochs = dict.fromkeys(agents, epoch)  # which incarnation of each head counts
         self.fenced: set[int] = set()
         self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
         self._agents, self._names, self._heard = agents, names, heard
@@ -111,6 +58,10 @@ class Supervisor:
         self._limit_s, self._on_progress = stopping.seconds, on_progress
         self._stopping, self._told_to_stop = stopping, False
         self._elsewhere, self._moves = elsewhere, 0  # fresh places to meet at
+        self._places: tuple[str, ...] | None = None  # where all were sent last
+        self._start_again = start_again
+        self._again: dict[int, float] = {}  # heads that were started again -> when
+        self._returning: set[int] = set()  # those of them that are fenced until they are ready
         self._clock = clock
         self._started = clock()
         self._first_ready_at: float | None = None
@@ -162,12 +113,12 @@ class Supervisor:
     def _have_met(self) -> bool:
         """Tell whether every agent planned, or knows all it will plan with."""
         heads = self._unfenced()
-        return all(
+        return self._met_at is not None or all(
             self.status[h].rounds > 0 or set(heads) <= set(self.status[h].live) for h in heads
         )
 
     def _tell_all(self, command: dict[str, Any]) -> None:
-        for head in self._unfenced():
+        for head in {*self._unfenced(), *self._returning}:
             self._agents[head].tell(command)
 
     def _unfenced(self) -> list[int]:
@@ -175,6 +126,8 @@ class Supervisor:
 
     def _result(self) -> dict[str, Any] | None:
         heads = self._unfenced()
+        if self._returning and all(self.status[head].stuck for head in heads):
+            return None  # all wait for who comes back
         if not heads:
             raise LaunchError(f"every agent ended: {self._notes()}")
         # One that misses a head which is not given up may have it back in a moment.
@@ -195,8 +148,8 @@ class Supervisor:
         except queue.Empty:
             return
         if said.line is None:
-            self.fence(said.head, "its process ended", ended=True)
-        elif said.head not in self.fenced:
+            self._end(said.head)
+        elif said.head not in self.fenced - self._returning:
             self._take(said.head, said.line)
         if self._on_progress is not None:
             self._on_progress(tuple(self.status))
@@ -213,6 +166,8 @@ class Supervisor:
     def _hear(self, head: int, line: dict[str, Any]) -> None:
         match line:
             case {"event": "ready"}:
+                if head in self._returning and not self._take_back(head):
+                    return
                 self._ready.add(head)
                 self._first_ready_at = self._first_ready_at or self._clock()
                 self._update(head, phase="waiting")
@@ -226,7 +181,7 @@ class Supervisor:
                 self._miss(head, heads)
             case {"event": "shut", "reason": reason}:
                 self._update(head, note=reason)
-                if self._clock() - self._moved_at > GRACE_S:
+                if self._clock() - self._moved_at > limits.GRACE_S:
                     self._move()
             case {"event": "released"}:
                 self._released[head] = line
@@ -238,16 +193,7 @@ class Supervisor:
         best, history = line["best_makespan_s"], self.status[head].history
         if not history or best != history[-1][1]:
             history = (*history, (line["elapsed_s"], best))
-        named = (
-            "phase",
-            "rounds",
-            "best_makespan_s",
-            "elapsed_s",
-            "agreeing_s",
-            "stuck",
-            "entropy",
-        )
-        told = {name: line[name] for name in named} | line["traffic"]
+        told = {name: line[name] for name in TOLD} | line["traffic"]
         self._update(head, live=tuple(line["live"]), history=history, **told)
         if line["phase"] != "planning":
             self._over_at = self._over_at or self._clock()
@@ -260,10 +206,13 @@ class Supervisor:
 
         The reason that is kept is how the process `ended` of its own, else ours.
         """
-        if head in self.fenced or head not in self._agents:
+        if head not in self._agents or head in self.fenced - self._returning:
             return
         ending = self._agents[head].ending() if ended else ""
         self._agents[head].kill()
+        if head in self._returning:  # its second incarnation, which somebody may have met
+            self._returning.discard(head)
+            self._epochs[head] += 1
         self.fenced.add(head)
         self._fenced_at = self._clock()
         self._released.pop(head, None)
@@ -271,7 +220,46 @@ class Supervisor:
         self._tell_all(self._fence_command(head))
 
     def _fence_command(self, head: int) -> dict[str, Any]:
-        return {"command": "fence", "head": head, "epoch": self._epoch}
+        return {"command": "fence", "head": head, "epoch": self._epochs[head]}
+
+    # Who comes back -------------------------------------------------------------
+
+    def _end(self, head: int) -> None:
+        """Take in that a process ended: an agent that died while all plan is started again."""
+        if head in self.fenced - self._returning:
+            return
+        agent, now = self._agents[head], self._clock()
+        died = agent.died() and not self._is_over(now) and head not in self._again
+        if self._start_again is None or not died:
+            self.fence(head, "its process ended", ended=True)
+            return
+        ending, left_s = agent.ending(), self._limit_s
+        if self._met_at is None:  # nobody plans yet: all wait for it
+            self._epochs[head] += 1
+            self._ready.discard(head)
+        else:
+            self.fence(head, ending)
+            self._returning.add(head)
+            left_s -= now - self._met_at
+        self._again[head] = now
+        self._hearing.forget(head)
+        phase = "lost" if head in self._returning else "starting"
+        note = f"{ending}, started again"
+        self._update(head, phase=phase, live=(), stuck=False, note=note, again=ending)
+        epoch = self._epochs[head] + (head in self._returning)
+        self._start_again(head, epoch, max(left_s, 0.0), self._places)
+        for other in self.fenced - {head}:
+            self._agents[head].tell(self._fence_command(other))
+
+    def _take_back(self, head: int) -> bool:
+        """Count a head as there again; False: it comes too late and is ended."""
+        if self._is_over(self._clock()):
+            self.fence(head, f"{self.status[head].again}, started again too late")
+            return False
+        self._returning.discard(head)
+        self.fenced.discard(head)
+        self._epochs[head] += 1
+        return True
 
     # Who misses whom ----------------------------------------------------------
 
@@ -285,7 +273,7 @@ class Supervisor:
         """Have agents meet elsewhere that miss each other; if that is no help, fence one side."""
         pairs = [(head, other) for head in self._unfenced() for other in self._missing(head)]
         self._misses = {pair: self._misses.get(pair, now) for pair in pairs}
-        patience_s = MEET_S + MEET_HEAD_S * max(0, len(self._names) - 2)
+        patience_s = limits.MEET_S + limits.MEET_HEAD_S * max(0, len(self._names) - 2)
         overdue = [
             (head, other)
             for (head, other), at in self._misses.items()
@@ -313,11 +301,12 @@ class Supervisor:
 
     def _move(self) -> bool:
         """Have all agents meet elsewhere; False if they did so too often."""
-        if self._elsewhere is None or self._moves >= MOST_MOVES:
+        if self._elsewhere is None or self._moves >= limits.MOST_MOVES:
             return False
         self._moves += 1
         self._moved_at = self._clock()
-        self._tell_all({"command": "meet", "places": list(self._elsewhere())})
+        self._places = tuple(self._elsewhere())
+        self._tell_all({"command": "meet", "places": list(self._places)})
         return True
 
     def _group(self, head: int) -> set[int]:
@@ -332,8 +321,8 @@ class Supervisor:
 
     def _enforce_limits(self) -> None:
         now, waiting = self._clock(), set(self._unfenced()) - self._ready
+        self._enforce_start(waiting | self._returning, now)
         if waiting:
-            self._enforce_start(waiting, now)
             return
         if self._ready_at is None:
             self._ready_at = now
@@ -342,23 +331,24 @@ class Supervisor:
         if self._is_over(now) or self._met_at is None:
             for head in self._unfenced():
                 if self._hearing.is_hung(head, now):
-                    self.fence(head, f"it said nothing for {HUNG_S:g} s")
+                    self.fence(head, f"it said nothing for {limits.HUNG_S:g} s")
         self._settle_misses(now)
-        if self._released_since is not None and now - self._released_since > FOLLOW_LIMIT_S:
-            self._fence_silent(f"silent {FOLLOW_LIMIT_S:g} s after a release")
+        if self._released_since is not None and now - self._released_since > limits.FOLLOW_LIMIT_S:
+            self._fence_silent(f"silent {limits.FOLLOW_LIMIT_S:g} s after a release")
         else:
             self._enforce_agreement(now)
 
     def _enforce_start(self, waiting: set[int], now: float) -> None:
         heads = len(self._names)
-        until = self._started + UNHEARD_S + heads
-        if self._first_ready_at is not None:
-            until = min(until, self._first_ready_at + HUNG_S + heads / 2)
         for head in sorted(waiting):
-            if now - self._started > START_LIMIT_S:
-                self.fence(head, f"not ready after {START_LIMIT_S:g} s")
+            since = self._again.get(head, self._started)
+            until = since + limits.UNHEARD_S + heads
+            if self._first_ready_at is not None and head not in self._again:
+                until = min(until, self._first_ready_at + limits.HUNG_S + heads / 2)
+            if now - since > limits.START_LIMIT_S:
+                self.fence(head, f"not ready after {limits.START_LIMIT_S:g} s")
             elif self._hearing.is_hung(head, now):
-                self.fence(head, f"it said nothing for {HUNG_S:g} s")
+                self.fence(head, f"it said nothing for {limits.HUNG_S:g} s")
             elif not self._hearing.was_heard(head) and now > until:
                 self.fence(head, "it never said anything")
 
@@ -370,11 +360,16 @@ class Supervisor:
     def _enforce_agreement(self, now: float) -> None:
         """Give up agents that keep all from a release: first those that still plan."""
         if self._over_at is None:
-            if self._met_at is not None and now - self._met_at > self._limit_s + LATE_LIMIT_S:
-                self._fence_silent(f"not done {LATE_LIMIT_S:g} s after the time for planning")
+            if (
+                self._met_at is not None
+                and now - self._met_at > self._limit_s + limits.LATE_LIMIT_S
+            ):
+                self._fence_silent(
+                    f"not done {limits.LATE_LIMIT_S:g} s after the time for planning"
+                )
             return
         limit_s = self.agree_limit_s()
-        if now < max(self._over_at + limit_s, self._fenced_at + AFTER_FENCE_S):
+        if now < max(self._over_at + limit_s, self._fenced_at + limits.AFTER_FENCE_S):
             return
         why = f"no agreement {limit_s:.0f} s after planning"
         heads = self._unfenced()
@@ -386,8 +381,10 @@ class Supervisor:
 
     def agree_limit_s(self) -> float:
         """Return how long agents may take to agree, by what is known of their rounds."""
-        heads_s = AGREE_HEAD_S * max(0, len(self._names) - 2)
-        return max(AGREE_LIMIT_S + heads_s, AGREE_ROUNDS * self._hearing.longest_round_s())
+        heads_s = limits.AGREE_HEAD_S * max(0, len(self._names) - 2)
+        return max(
+            limits.AGREE_LIMIT_S + heads_s, limits.AGREE_ROUNDS * self._hearing.longest_round_s()
+        )
 
     def _fence_silent(self, why: str) -> None:
         for head in sorted(set(self._unfenced()) - self._released.keys()):

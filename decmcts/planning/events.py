@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from decmcts.search.sequence.stopping import Progress
 
 __all__ = ["Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "Step", "Stop"]

@@ -12,6 +12,7 @@ class TeamMetrics(TypedDict):
     agreed: bool
     failed: str | None  # why they came to no plan
     lost: Mapping[str, str]  # heads that the plan does without, each with the reason
+    again: Mapping[str, str]  # heads whose agent died and was started again, each with how
     disturbed: Mapping[str, int]  # messages dropped that no agent says, by reason
 
 

@@ -1,8 +1,8 @@
 """Delays that bring heads nearest: what an order that trusts a clock would not survive.
 
 Between two stops a head runs without asking anybody. Of all pairs of such legs that no signal puts
-in order, those whose swept boxes come nearest are made to happen at once, by delaying the head that
-would be early.
+in order, those whose swept boxes come nearest are looked at point by point. Then the head that
+would come early to its point is delayed, so that both are there at once.
 """
 
 from __future__ import annotations
@@ -13,36 +13,53 @@ from itertools import combinations
 import numpy as np
 
 from decmcts.print.machine import Head, Machine
-from sim.controllers.carry_out import Run
+from sim.controllers.carry_out import HeadRun, Run
 from sim.controllers.compiled import compiled
-from sim.controllers.nearness import shape_of
+from sim.controllers.nearness import Shape, gap_between, rails_between, shape_of, slack_between
 from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops
 from sim.controllers.timing import Error, no_error
 
-PAIRS = 20  # of legs, tried for each two heads
+CANDIDATES = 400  # pairs of legs whose boxes are nearest, for each two heads;
+PAIRS = 20  # of them those whose points are nearest are tried
 
 
 def adversaries(
     programs: Sequence[HeadProgram], run: Run, machine: Machine, heads: Sequence[Head]
 ) -> Iterator[list[Error]]:
-    """Yield errors of all heads that make the nearest legs meet; `run` is without errors."""
+    """Yield errors of all heads that make the nearest points meet; `run` is without errors."""
     clocks = _clocks(programs)
     legs = [_legs(program) for program in programs]
     boxes = [_boxes(program, *leg) for program, leg in zip(programs, legs, strict=True)]
     for a, b in combinations(range(len(programs)), 2):
-        shapes = shape_of(heads[a]).box, shape_of(heads[b]).box
-        pairs, gaps = np.zeros((PAIRS, 2), np.int64), np.full(PAIRS, np.inf)
-        reach = np.stack([shapes[1][0] - shapes[0][1], shapes[0][0] - shapes[1][1]])
+        shapes = shape_of(heads[a]), shape_of(heads[b])
+        reach = np.stack([shapes[1].box[0] - shapes[0].box[1], shapes[0].box[0] - shapes[1].box[1]])
         reach[~np.isfinite(reach)] = 0.0  # heads without a shape
-        _nearest(boxes[a], boxes[b], clocks[a][:, b], clocks[b][:, a], reach, pairs, gaps)
-        for k in np.flatnonzero(np.isfinite(gaps)).tolist():
+        rails, clear = rails_between(machine, heads[a], heads[b]), machine.head_clearance_mm
+        pairs, gaps = np.zeros((CANDIDATES, 2), np.int64), np.full(CANDIDATES, np.inf)
+        _nearest(
+            boxes[a], boxes[b], clocks[a][:, b], clocks[b][:, a], reach, rails, clear, pairs, gaps
+        )
+        pairs = pairs[np.isfinite(gaps)]
+        spans = [np.stack(legs[h][:2], axis=1)[pairs[:, n]] for n, h in enumerate((a, b))]
+        points, gaps = np.zeros((len(pairs), 2), np.int64), np.zeros(len(pairs))
+        _meet(programs[a].points, programs[b].points, spans[0], spans[1], *shapes, rails, clear,
+              points, gaps)  # fmt: skip
+        for k in np.argsort(gaps, kind="stable")[:PAIRS].tolist():
             errors = [no_error(program) for program in programs]
-            i, j = (int(legs[h][0][pairs[k, n]]) for n, h in enumerate((a, b)))
-            early = float(run.heads[b].begin[j] - run.heads[a].begin[i])
-            late, move = (a, i) if early > 0.0 else (b, j)
-            if np.isfinite(early):
-                errors[late].stall_s[move] += abs(early)
+            firsts = int(spans[0][k, 0]), int(spans[1][k, 0])
+            when = [
+                _reaches(run.heads[h], first, int(points[k, n]))
+                for n, (h, first) in enumerate(zip((a, b), firsts, strict=True))
+            ]
+            if np.isfinite(when).all():
+                early = int(when[1] < when[0])
+                errors[(a, b)[early]].stall_s[firsts[early]] += abs(when[1] - when[0])
             yield errors
+
+
+def _reaches(run: HeadRun, first: int, point: int) -> float:
+    """Return when a head is at a point of a leg."""
+    return float(run.begin[first] if point == first else run.end[point - 1])
 
 
 def _legs(program: HeadProgram) -> tuple[Ints, Ints, Ints]:
@@ -101,13 +118,14 @@ def _fill(clocks: Ints, leg_of: Ints, stop: int, known: Ints) -> None:
 
 @compiled
 def _nearest(
-    a: Floats, b: Floats, b_done: Ints, a_done: Ints, reach: Floats, pairs: Ints, gaps: Floats
-) -> None:
+    a: Floats, b: Floats, b_done: Ints, a_done: Ints, reach: Floats, rails: Floats, clear: float,
+    pairs: Ints, gaps: Floats,
+) -> None:  # fmt: skip
     """Write the pairs of legs that may happen at once and come nearest, in place.
 
     `b_done` has for each leg of a how many of b have ended, `a_done` the other way round.
     """
-    low = 0
+    low, worst = 0, 0
     for i in range(len(a)):
         low = max(low, b_done[i])
         for j in range(low, len(b)):
@@ -117,6 +135,29 @@ def _nearest(
             for axis in range(3):
                 gap = max(gap, b[j, 0, axis] - a[i, 1, axis] + reach[0, axis])
                 gap = max(gap, a[i, 0, axis] - b[j, 1, axis] + reach[1, axis])
-            worst = int(np.argmax(gaps))
+            gap -= clear
+            for r in range(len(rails)):
+                axis = int(rails[r, 0])
+                ahead = b[j, 0, axis] - a[i, 1, axis]
+                if rails[r, 1] < 0.0:
+                    ahead = a[i, 0, axis] - b[j, 1, axis]
+                gap = min(gap, ahead - rails[r, 2])
             if gap < gaps[worst]:
                 gaps[worst], pairs[worst, 0], pairs[worst, 1] = gap, i, j
+                worst = int(np.argmax(gaps))
+
+
+@compiled
+def _meet(
+    a: Floats, b: Floats, a_spans: Ints, b_spans: Ints, a_shape: Shape, b_shape: Shape,
+    rails: Floats, clear: float, points: Ints, gaps: Floats,
+) -> None:  # fmt: skip
+    """Write for each pair of legs which points of them are nearest, and how near, in place."""
+    for k in range(len(gaps)):
+        gaps[k] = np.inf
+        for i in range(a_spans[k, 0], a_spans[k, 1] + 1):
+            for j in range(b_spans[k, 0], b_spans[k, 1] + 1):
+                gap = slack_between(rails, a[i], b[j])
+                gap = min(gap, gap_between(a_shape, b_shape, a[i], b[j]) - clear)
+                if gap < gaps[k]:
+                    gaps[k], points[k, 0], points[k, 1] = gap, i, j

@@ -14,6 +14,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine
 from sim.controllers.carry_out import HeadRun
@@ -52,6 +53,8 @@ class Shape(NamedTuple):
     corners: Floats  # (n, 2)
     low: Floats  # (k,)
     high: Floats  # (k,)
+    sides: Floats  # (k, 2, 2) least and most x and y of each
+    upright: NDArray[np.bool_]  # (k,) each that is its own box: a rectangle along the axes
     box: Floats  # (2, 3) least and most of all
 
 
@@ -99,13 +102,23 @@ def shape_of(head: Head) -> Shape:
         heights.append((z, to_z))
     if not polygons:
         return Shape(np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0),
+                     np.zeros((0, 2, 2)), np.zeros(0, np.bool_),
                      np.array([[np.inf] * 3, [-np.inf] * 3]))  # fmt: skip
     corners, table = np.concatenate(polygons), np.array(heights)
     offsets = np.concatenate([[0], np.cumsum([len(p) for p in polygons])]).astype(np.int64)
     box = np.array(
         [[*corners.min(axis=0), table[:, 0].min()], [*corners.max(axis=0), table[:, 1].max()]]
     )
-    return Shape(offsets, corners, table[:, 0].copy(), table[:, 1].copy(), box)
+    sides = np.array([[p.min(axis=0), p.max(axis=0)] for p in polygons])
+    upright = np.array([_is_upright(p, box) for p, box in zip(polygons, sides, strict=True)])
+    return Shape(offsets, corners, table[:, 0].copy(), table[:, 1].copy(), sides, upright, box)
+
+
+def _is_upright(polygon: Floats, sides: Floats) -> bool:
+    """Tell whether a convex polygon is the rectangle of its least and most x and y."""
+    corners = {tuple(corner) for corner in polygon.tolist()}
+    (x, y), (to_x, to_y) = sides.tolist()
+    return corners == {(x, y), (to_x, y), (to_x, to_y), (x, to_y)}
 
 
 def nearness(
@@ -127,14 +140,7 @@ def _pair(
     shapes: Sequence[Shape], span: tuple[float, float],
 ) -> Near:  # fmt: skip
     a, b = pair
-    rails = np.array(
-        [
-            (rail.axis, 1.0 if j > i else -1.0, abs(j - i) * rail.separation_mm)
-            for rail in machine.rails
-            if {heads[a].name, heads[b].name} <= set(rail.order)
-            for i, j in [(rail.order.index(heads[a].name), rail.order.index(heads[b].name))]
-        ]
-    ).reshape(-1, 3)
+    rails = rails_between(machine, heads[a], heads[b])
     fastest = sum(float((courses[h].top / courses[h].slow).max(initial=0.0)) for h in pair)
     bins, least = np.full(BINS, np.inf), np.full(9, np.inf)
     found = np.zeros((MOST_CONTACTS, 10))
@@ -145,6 +151,17 @@ def _pair(
     contacts = tuple(_contact(pair, row) for row in found[:n].tolist())
     gap, time_s, rail = least[:3].tolist()
     return Near(pair, gap, time_s, _two(least[3:9].tolist()), rail, bins, contacts)
+
+
+def rails_between(machine: Machine, a: Head, b: Head) -> Floats:
+    """Return axis, side of b as a sign and least separation of the rails of two heads, (r, 3)."""
+    rows = [
+        (rail.axis, 1.0 if j > i else -1.0, abs(j - i) * rail.separation_mm)
+        for rail in machine.rails
+        if {a.name, b.name} <= set(rail.order)
+        for i, j in [(rail.order.index(a.name), rail.order.index(b.name))]
+    ]
+    return np.array(rows, np.float64).reshape(-1, 3)
 
 
 def _contact(pair: tuple[int, int], row: Sequence[float]) -> Contact:
@@ -168,7 +185,7 @@ def _advance(
     t = begin
     while t <= end:
         i, j = _follow(a, i, t, p), _follow(b, j, t, q)
-        gap, slack = _gap(a_shape, b_shape, p, q), _slack(rails, p, q)
+        gap, slack = gap_between(a_shape, b_shape, p, q), slack_between(rails, p, q)
         if gap < least[0]:
             least[0], least[1] = gap, t
             least[3:6], least[6:9] = p, q
@@ -198,7 +215,7 @@ def _advance(
 
 
 @compiled
-def _slack(rails: Floats, p: Floats, q: Floats) -> float:
+def slack_between(rails: Floats, p: Floats, q: Floats) -> float:
     """Return the least of what lies between two heads on rails beyond their separation."""
     slack = np.inf
     for r in range(len(rails)):
@@ -264,7 +281,7 @@ def _share(course: Course, i: int, t: float) -> float:
 
 
 @compiled
-def _gap(a: Shape, b: Shape, p: Floats, q: Floats) -> float:
+def gap_between(a: Shape, b: Shape, p: Floats, q: Floats) -> float:
     """Return the distance of two heads whose tips are at p and q."""
     apart = 0.0
     for axis in range(3):
@@ -278,10 +295,27 @@ def _gap(a: Shape, b: Shape, p: Floats, q: Floats) -> float:
         for n in range(len(b.low)):
             high = max(q[2] + b.low[n] - p[2] - a.high[k], p[2] + a.low[k] - q[2] - b.high[n])
             high = max(high, 0.0)
-            if high < least:
-                flat = _polygons(a, k, b, n, q[0] - p[0], q[1] - p[1])
-                least = min(least, np.sqrt(high * high + flat * flat))
+            if high >= least:
+                continue
+            dx, dy = q[0] - p[0], q[1] - p[1]
+            flat = _boxes(a, k, b, n, dx, dy)
+            if high * high + flat * flat >= least * least:
+                continue  # not even their boxes are so near
+            if not (a.upright[k] and b.upright[n]):
+                flat = _polygons(a, k, b, n, dx, dy)
+            least = min(least, np.sqrt(high * high + flat * flat))
     return least
+
+
+@compiled
+def _boxes(a: Shape, k: int, b: Shape, n: int, dx: float, dy: float) -> float:
+    """Return the distance of the boxes of two polygons, the second moved by (dx, dy)."""
+    square = 0.0
+    for axis, moved in enumerate((dx, dy)):
+        apart = max(b.sides[n, 0, axis] + moved - a.sides[k, 1, axis],
+                    a.sides[k, 0, axis] - b.sides[n, 1, axis] - moved)  # fmt: skip
+        square += max(apart, 0.0) ** 2
+    return float(np.sqrt(square))
 
 
 @compiled

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from agents.launch import launch
-from agents.launching.supervisor import AgentStatus, LaunchError
+from agents.launching.status import AgentStatus, LaunchError
 from decmcts.errors import InputError
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from decmcts.cli.console import out, steps
 from decmcts.cli.run import run
 from decmcts.errors import InputError

@@ -20,7 +20,7 @@ import zenoh
 from agents.launching.crew import Crew
 from agents.launching.places import Places
 from agents.launching.spawn import Agreement, run_agents
-from agents.launching.supervisor import AgentStatus, LaunchError
+from agents.launching.status import AgentStatus, LaunchError
 from agents.messages.codec import MAX_MESSAGE_BYTES
 from agents.messages.keys import Keys
 from agents.networks.meeting import Meeting
@@ -78,6 +78,36 @@ class Saboteur(Until):
         return self.struck and all(s.live and self.head not in s.live for s in others)
 
 
+class Revival(Until):
+    """Kills agents whenever all plan together, so often, and waits for what comes of it."""
+
+    def __init__(self, *heads: int, kills: int = 1) -> None:
+        super().__init__(self.is_settled)
+        self.heads, self.kills, self.struck = heads, kills, 0
+        self.starts: set[int] = set()
+
+    def on_start(self, pids: Mapping[int, int]) -> None:
+        super().on_start(pids)
+        self.starts |= set(pids.values())
+
+    def on_progress(self, status: Status) -> None:
+        super().on_progress(status)
+        due = len(status) + self.struck * len(self.heads)
+        if self.struck < self.kills and len(self.starts) == due and plan_together(status):
+            self.struck += 1
+            for head in self.heads:
+                os.kill(self.pids[head], signal.SIGKILL)
+
+    def is_settled(self, status: Status) -> bool:
+        lost = all(status[head].phase == "lost" for head in self.heads)
+        back = len(self.starts) == len(status) + len(self.heads) and plan_together(status)
+        return self.struck == self.kills and (lost if self.kills > 1 else back)
+
+
+def plan_together(status: Status) -> bool:
+    return all(s.rounds and len(s.live) == len(status) for s in status)
+
+
 def run(
     names: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -132,6 +162,33 @@ def test_planning_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_killed_agent_s_work_is_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """kill -9 in the middle still gives a valid plan of the others."""
     agreement = run("left,middle,right", monkeypatch, until=Saboteur(2, signal.SIGKILL))
+    assert_live(agreement, 0, 1)
+    assert_complete(agreement)
+
+
+@pytest.mark.parametrize("names", ["left,right", "left,middle,right"])
+def test_a_killed_agent_is_started_again_and_its_head_planned_for(
+    names: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process that dies is no dead head: before, the others printed all."""
+    agreement = run(names, monkeypatch, until=Revival(1))
+    assert_live(agreement, *range(len(names.split(","))))
+    assert_complete(agreement)
+    assert [agent.again for agent in agreement.agents][:2] == ["", "killed by SIGKILL"]
+
+
+def test_an_agent_is_started_again_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What kills it twice would kill it a third time."""
+    revival = Revival(1, kills=2)
+    agreement = run("left,middle,right", monkeypatch, until=revival)
+    assert len(revival.starts) == 4
+    assert_live(agreement, 0, 2)
+    assert_complete(agreement)
+
+
+def test_agents_that_all_die_all_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody is left who knows what was planned."""
+    agreement = run("left,right", monkeypatch, until=Revival(0, 1))
     assert_live(agreement, 0, 1)
     assert_complete(agreement)
 
@@ -366,15 +423,15 @@ def test_agents_that_started_early_plan_as_others_do(monkeypatch: pytest.MonkeyP
     assert not any("session" in words or "ports" in words for words in seen)
 
 
-def test_an_agent_that_died_while_it_waited_is_a_lost_one(
+def test_an_agent_that_died_while_it_waited_is_started_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The others plan on, as if it had died later."""
+    """The other has not begun to plan, and waits for it."""
     monkeypatch.setenv("TOY_HEADS", "left,right")
     with Crew(2, TOY) as crew:
         crew.agents[1].kill()
         agreement = run_agents(["left", "right"], [], stopping=Stopping(0.2), seed=1, crew=crew)
-    assert_live(agreement, 0)
+    assert_live(agreement, 0, 1)
     assert_complete(agreement)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.launch import LaunchResult, launch
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from agents.planners.pack import Pack
 from agents.planners.source import load_source
 from decmcts.samples import sample_path

@@ -10,7 +10,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from agents.launching.spawn import run_agents
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from decmcts.search.sequence.stopping import Stopping
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from rich.box import SIMPLE
 from rich.live import Live
 from rich.table import Table
 
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out
 from decmcts.errors import InputError

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from agents.launch import LaunchResult
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from agents.networks.transport import DISTURBS
 from decmcts.print.metrics import Metrics, TeamMetrics
 
@@ -51,6 +51,7 @@ class Outcome:
                 "agreed": not self.failed,
                 "failed": self.failed or None,
                 "lost": self.lost,
+                "again": {a.name: a.again for a in self.agents if a.again},
                 "disturbed": self.disturbed,
             },
         }
@@ -91,6 +92,9 @@ def lines_of(team: TeamMetrics) -> list[str]:
     if not team["failed"]:
         lost = team["lost"].items()
         said += [f"head {name} was lost ({why}); the plan does without it" for name, why in lost]
+    for name, why in team["again"].items():
+        if team["failed"] or name not in team["lost"]:
+            said.append(f"the agent of head {name} was started again ({why})")
     if counts := team["disturbed"]:
         what = ", ".join(f"{n} × {reason}" for reason, n in counts.items())
         said.append(f"somebody disturbed the agents; dropped and not heard: {what}")

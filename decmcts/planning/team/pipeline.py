@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
-from agents.launching.supervisor import AgentStatus, LaunchError, OnProgress
+from agents.launching.status import AgentStatus, LaunchError, OnProgress
 from decmcts._kernels.engine.lags import Lags, no_lags
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from agents.launching.limits import (
     START_LIMIT_S,
 )
 from agents.launching.processes import Said
-from agents.launching.supervisor import AgentStatus, LaunchError, Supervisor
+from agents.launching.status import AgentStatus, LaunchError
+from agents.launching.supervisor import Supervisor
 from decmcts.search.sequence.stopping import Stopping
 
 PROGRESS = {
@@ -43,6 +44,7 @@ class FakeChild:
         self.told: list[dict[str, Any]] = []
         self.killed = False
         self.words = ""
+        self.fell = False
 
     def tell(self, command: dict[str, Any]) -> None:
         self.told.append(command)
@@ -52,6 +54,9 @@ class FakeChild:
 
     def ending(self) -> str:
         return self.words
+
+    def died(self) -> bool:
+        return self.fell
 
 
 class Scene:
@@ -70,10 +75,17 @@ class Scene:
         self.hushed: dict[int, tuple[float, float]] = {}
         self.moves: list[float] = []
         self.limit_s = 5.0
+        self.begun_again: list[tuple[int, int, float]] = []  # head, epoch, seconds to plan
 
     def elsewhere(self) -> list[str]:
         self.moves.append(self.now)
         return [f"place {len(self.moves)}" for _ in self.names]
+
+    def start_again(
+        self, head: int, epoch: int, left_s: float, places: Sequence[str] | None
+    ) -> None:
+        self.children[head] = FakeChild()
+        self.begun_again.append((head, epoch, left_s))
 
     def pulse(self) -> None:
         for head in self.children:
@@ -112,6 +124,7 @@ class Scene:
             epoch=7,
             on_progress=self.seen.append,
             elsewhere=self.elsewhere,
+            start_again=self.start_again,
             clock=clock,
         )
         self.supervisor = supervisor
@@ -459,3 +472,121 @@ def test_a_stop_is_asked_for_once(scene: Scene) -> None:
     scene.released(1, "aa", at=4.0)
     scene.run(asked=lambda: scene.now > 2.0)
     assert scene.children[0].told.count({"command": "stop"}) == 1
+
+
+# Who is started again ---------------------------------------------------------
+
+
+def dies(scene: Scene, head: int, *, at: float) -> None:
+    scene.children[head].fell, scene.children[head].words = True, "killed by SIGKILL"
+    scene.says(head, None, at=at)
+
+
+def test_an_agent_that_dies_is_fenced_and_started_again_until_it_is_ready(scene: Scene) -> None:
+    """Its head must hold up nobody while it loads, and is planned for once it is there."""
+    scene.limit_s = 20.0
+    first = scene.children[1]
+    dies(scene, 1, at=2.0)
+    scene.says(1, {"event": "ready"}, at=5.0)
+    scene.keeps_saying(0, PROGRESS, since=0.5, until=9.0)
+    scene.keeps_saying(1, PROGRESS, since=6.0, until=9.0)
+    scene.released(0, "aa", at=9.0)
+    scene.released(1, "aa", at=9.5)
+    assert scene.run()["digest"] == "aa"
+    ((head, epoch, left_s),) = scene.begun_again
+    assert (head, epoch) == (1, 8) and 17.0 <= left_s <= 19.5
+    assert first.killed and not scene.children[1].killed
+    assert [c for c in scene.children[0].told if c["command"] == "fence"] == [
+        {"command": "fence", "head": 1, "epoch": 7}
+    ]
+    assert scene.supervisor.fenced == set()
+    assert scene.supervisor.status[1].again == "killed by SIGKILL"
+
+
+def test_a_plan_without_a_head_that_is_not_back_yet_counts(scene: Scene) -> None:
+    """The time is up while its successor loads; it is ended, and nobody may count on it."""
+    dies(scene, 1, at=2.0)
+    scene.says(0, {**PROGRESS, "phase": "agreeing", "live": [0]}, at=5.0)
+    scene.says(1, {"event": "ready"}, at=5.5)
+    scene.released(0, "aa", at=6.5)
+    assert scene.run()["digest"] == "aa"
+    assert scene.children[1].killed
+    assert scene.supervisor.status[1].note == "killed by SIGKILL, started again too late"
+    epochs = [c["epoch"] for c in scene.children[0].told if c["command"] == "fence"]
+    assert epochs == [7, 8]  # somebody may have met the second
+
+
+def test_an_agent_is_not_started_a_third_time(scene: Scene) -> None:
+    """What kills it twice would kill it again."""
+    scene.limit_s = 30.0
+    dies(scene, 1, at=2.0)
+    scene.says(1, {"event": "ready"}, at=4.0)
+    scene.says(1, None, at=6.0)  # died or not: it had its second life
+    scene.released(0, "aa", at=8.0)
+    assert scene.run()["digest"] == "aa"
+    assert len(scene.begun_again) == 1 and scene.supervisor.fenced == {1}
+    epochs = [c["epoch"] for c in scene.children[0].told if c["command"] == "fence"]
+    assert epochs == [7, 8]
+
+
+def test_an_agent_that_left_or_refused_its_input_is_not_started_again(scene: Scene) -> None:
+    """It would do the same again."""
+    scene.says(1, None, at=2.0)
+    scene.released(0, "aa", at=4.0)
+    assert scene.run()["digest"] == "aa"
+    assert scene.begun_again == []
+
+
+def test_an_agent_that_dies_before_all_met_is_waited_for() -> None:
+    """Nobody plans yet: no head needs to be given up, and none may be fenced."""
+    scene = Scene()
+    scene.says(0, {"event": "ready"})
+    dies(scene, 1, at=1.0)
+    scene.says(1, {"event": "ready"}, at=6.0)
+    for head in (0, 1):
+        scene.says(head, PROGRESS, at=7.0)
+        scene.released(head, "aa", at=8.0)
+    assert scene.run()["digest"] == "aa"
+    assert scene.begun_again == [(1, 8, 5.0)] and scene.supervisor.fenced == set()
+    assert not any(c["command"] == "fence" for c in scene.children[0].told)
+
+
+def test_a_successor_learns_who_is_fenced_and_where_all_met(scene: Scene) -> None:
+    """It would wait for the dead head for ever."""
+    scene = Scene(3)
+    scene.limit_s = 30.0
+    for head in range(3):
+        scene.says(head, {"event": "ready"})
+        scene.says(head, {**PROGRESS, "live": [0, 1, 2]})
+    scene.says(2, None, at=1.5)  # left
+    dies(scene, 1, at=2.5)
+    scene.says(1, {"event": "ready"}, at=4.0)
+    for head in (0, 1):
+        scene.keeps_saying(head, PROGRESS, since=3.0 + head, until=9.0)
+        scene.released(head, "aa", at=9.0)
+    scene.run()
+    assert scene.children[1].told == [{"command": "fence", "head": 2, "epoch": 7}]
+
+
+def test_successors_of_all_are_waited_for(scene: Scene) -> None:
+    """No agent is left for a moment: that is not the end of the launch."""
+    scene.limit_s = 30.0
+    for head in (0, 1):
+        dies(scene, head, at=2.0)
+        scene.says(head, {"event": "ready"}, at=6.0 + head)
+        scene.keeps_saying(head, PROGRESS, since=7.5, until=12.0)
+        scene.released(head, "aa", at=12.0)
+    assert scene.run()["digest"] == "aa"
+
+
+def test_a_successor_that_never_says_anything_is_given_up() -> None:
+    """Nothing else would end the launch where all died."""
+    scene = Scene(1)
+    scene.limit_s = 100.0
+    scene.says(0, {"event": "ready"})
+    scene.says(0, {**PROGRESS, "live": [0]})
+    dies(scene, 0, at=2.0)
+    scene.hushed[0] = (2.0, 1e9)
+    with pytest.raises(LaunchError, match="every agent ended: it never said anything"):
+        scene.run()
+    assert scene.now < 30.0

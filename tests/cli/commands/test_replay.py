@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from decmcts.cli.app import app
 from decmcts.cli.commands import replay
 from decmcts.cli.commands.replay import agents_table, read_record, recording

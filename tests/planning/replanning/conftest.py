@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 import pytest
 
-from agents.launching.supervisor import LaunchError
+from agents.launching.status import LaunchError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard

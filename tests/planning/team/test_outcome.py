@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-from agents.launching.supervisor import AgentStatus
+from agents.launching.status import AgentStatus
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 
 
@@ -20,6 +20,18 @@ def test_a_joint_plan_that_was_lost_is_said() -> None:
     team, lines = said(Outcome(None, (killed,), "every agent ended: killed by SIGKILL"))
     assert team["agreed"] is False and team["failed"] == "every agent ended: killed by SIGKILL"
     assert lines == ["every agent ended: killed by SIGKILL; one head prints alone"]
+
+
+def test_an_agent_that_was_started_again_is_said() -> None:
+    """Its head is planned for; who looks at the machine should know why a process died."""
+    back = AgentStatus(0, "left", "released", again="killed by SIGKILL")
+    lost = AgentStatus(1, "right", "lost", note="it died twice", again="killed by SIGKILL")
+    team, lines = said(Outcome(None, (back, lost)))
+    assert team["again"] == {"left": "killed by SIGKILL", "right": "killed by SIGKILL"}
+    assert lines == [
+        "head right was lost (it died twice); the plan does without it",
+        "the agent of head left was started again (killed by SIGKILL)",
+    ]
 
 
 def test_who_disturbed_is_counted_and_said() -> None:

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
-from agents.launching.supervisor import LaunchError
+from agents.launching.status import LaunchError
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.events import Begun, Event, Heads, Note, Sound, unheard
