@@ -28,6 +28,7 @@ from decmcts.team.cutting.layout import (
     places_of,
 )
 from decmcts.team.cutting.sweep import sweep_order
+from decmcts.team.cutting.travels import with_less_travel
 from decmcts.team.engine.first_policies import first_policies_s
 from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
@@ -85,12 +86,17 @@ def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) ->
     """
     if pieces is None or pieces.problem.whole is None:
         found = [each for each in (whole, pieces) if each is not None]
-        return min(found, key=lambda each: each.makespan_s, default=None)
+        return min(found, key=_ends, default=None)
     if whole is None:
         uncut = first_policies_s(build_team_problem(problem.job, problem.machine, problem.graph))
     else:
         uncut = _reached(whole)
     return pieces if _reached(pieces) < GAIN * uncut else whole
+
+
+def _ends(found: Swept) -> float:
+    """Return when heads end by a sweep, s."""
+    return found.makespan_s
 
 
 def _reached(found: Swept) -> float:
@@ -110,7 +116,9 @@ def _swept(
     axis = axis_of(machine)[0]
     spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
     whole_s = np.add.reduceat(seconds, contours.offsets[:-1])
-    apart, heads, best = _apart_mm(machine, axis), len(machine.heads), None
+    apart, heads = _apart_mm(machine, axis), len(machine.heads)
+    best: Swept | None = None
+    run = np.empty(0, np.int64)
     for _ in range(ROUNDS):
         layout = layout_of(spread, axis=axis, heads=heads, apart_mm=apart)
         places = places_of(contours, layout, spread)
@@ -119,17 +127,23 @@ def _swept(
         if len(parted.job.contours) > MOST_STATED:
             break
         team = build_team_problem(parted.job, machine, parted.graph)
-        order, late = sweep_order(team, layout, places, spread)
-        found = _judged(parted, team, order)
+        sweep = sweep_order(team, layout, places, spread)
+        found = _judged(parted, team, sweep.stated)
         if found is not None and (best is None or found.makespan_s < best.makespan_s):
-            best = found
-        late &= may
+            best, run = found, sweep.run
+        late = sweep.late & may
         if best is None or whole_s[late].sum() * heads < LATE * best.makespan_s:
             break
         before, spread = spread, deeper(spread, contours, late)
         if np.array_equal(before.depth, spread.depth):
             break
-    return best
+    return None if best is None else _sooner(best, run)
+
+
+def _sooner(found: Swept, run: NDArray[np.int64]) -> Swept:
+    """Return the sweep with less travel within its runs, if it ends sooner so."""
+    less = with_less_travel(found.team, found.order, run)
+    return min(_judged(found.problem, found.team, less) or found, found, key=_ends)
 
 
 def _judged(problem: PrintProblem, team: TeamProblem, order: StatedOrder) -> Swept | None:

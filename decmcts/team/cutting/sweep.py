@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,15 +15,21 @@ from decmcts.team.engine.problem import TeamProblem
 Ints = NDArray[np.int64]
 
 
-def sweep_order(
-    problem: TeamProblem, layout: Layout, places: Places, spread: Cuttable
-) -> tuple[StatedOrder, NDArray[np.bool_]]:
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """The order in which heads sweep all layers."""
+
+    stated: StatedOrder
+    run: Ints  # (n,) of each turn: what one head prints of one strip has one number
+    late: NDArray[np.bool_]  # (n_source,) some of it is printed at a later step than lies there
+
+
+def sweep_order(problem: TeamProblem, layout: Layout, places: Places, spread: Cuttable) -> Sweep:
     """Return the order in which the heads sweep the layers.
 
     At each step the head that is ahead comes first, so that no head waits for one behind it.
-    What fits into no step of its layer is printed with the middle that is nearest. Also returned
-    is which contours of the source are late, (n_source,): some of it is printed at a later step
-    than lies there, as it has to wait for something.
+    What fits into no step of its layer is printed with the middle that is nearest. What has to
+    wait for something may be late.
 
     Parameters
     ----------
@@ -51,10 +59,12 @@ def sweep_order(
     natural, preds = group.copy(), (problem.graph.pred_offsets, problem.graph.preds)
     not_before(group, *preds)
     first = with_stragglers(natural, group, head, eligible, *preds)
-    order, is_reversed = nearest_by_group(
-        group, first, head, problem.visits.ends, problem.visits.reversible,
-        problem.space.parks.copy(), *preds,
-    )  # fmt: skip
     late = np.zeros(len(places.region), np.bool_)
     late[of[group > natural]] = True
-    return StatedOrder(order, is_reversed, head[order]), late
+    group = 2 * group + ~first
+    order, is_reversed = nearest_by_group(
+        group, head, problem.visits.ends, problem.visits.reversible,
+        problem.space.parks.copy(), *preds,
+    )  # fmt: skip
+    run = np.cumsum(np.diff(group[order] * layout.heads + head[order], prepend=-1) != 0)
+    return Sweep(StatedOrder(order, is_reversed, head[order]), run, late)
