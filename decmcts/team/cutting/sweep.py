@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.engine.carry_out import OK, carry_out
 from decmcts._kernels.engine.sweep import nearest_by_group, not_before, with_stragglers
 from decmcts.team.cutting.layout import Cuttable, Layout, Places
+from decmcts.team.engine.order import sequences_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import is_allowed
 
 Ints = NDArray[np.int64]
 
@@ -68,3 +71,23 @@ def sweep_order(problem: TeamProblem, layout: Layout, places: Places, spread: Cu
     )  # fmt: skip
     run = np.cumsum(np.diff(group[order] * layout.heads + head[order], prepend=-1) != 0)
     return Sweep(StatedOrder(order, is_reversed, head[order]), run, late)
+
+
+def times_of(problem: TeamProblem, stated: StatedOrder) -> tuple[NDArray[np.float64], float] | None:
+    """Return how long heads take for each layer, (layers,), and when all end, s.
+
+    A layer's time is from the end of all below it to its own. None if the heads cannot carry
+    the order out.
+    """
+    if not is_allowed(problem, stated, problem.space.eligible):
+        return None
+    sequences = sequences_of(stated.toolpaths(len(problem.machine.heads)))
+    units, verdict = carry_out(sequences, problem.visits, problem.fleet)
+    if verdict != OK:
+        return None
+    used, layer = int(units.used[0]), problem.job.contours.layer
+    contour, end = units.contour[:used], units.end[:used]
+    ends = np.zeros(int(layer.max(initial=-1)) + 1)
+    np.maximum.at(ends, layer[contour[contour >= 0]], end[contour >= 0])
+    ends = np.maximum.accumulate(ends)
+    return np.diff(ends, prepend=0.0), float(end.max(initial=0.0))
