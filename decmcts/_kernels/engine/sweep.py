@@ -57,7 +57,6 @@ def with_stragglers(
 @kernel
 def nearest_by_group(
     group: NDArray[np.int64],
-    first: NDArray[np.bool_],
     head: NDArray[np.int64],
     ends: NDArray[np.float64],
     reversible: NDArray[np.bool_],
@@ -70,13 +69,11 @@ def nearest_by_group(
     Parameters
     ----------
     group : (n,) groups follow one another by number; nothing has to come before a lower one
-    first : (n,) what comes before the others of its group
     head : (n,) who prints each
     ends : (n, 2, 3) where each begins and ends as sliced, mm
     at : (heads, 3) where the heads are; changed
     """
     n = len(group)
-    group = np.where(first, 2 * group, 2 * group + 1)
     members = np.argsort(group, kind="mergesort")
     order, backwards = np.empty(n, np.int32), np.zeros(n, np.bool_)
     printed = np.zeros(n, np.bool_)

@@ -19,25 +19,32 @@ from decmcts.print.cut import Grid, Lines, cut_job
 from decmcts.print.machine import Machine
 from decmcts.print.motion import level_travel, retraction_time, segment_times, travel_feed
 from decmcts.team.cutting.layout import (
+    Cuttable,
     Hops,
+    Layout,
     cuttable,
     deeper,
+    depth_by_layer,
+    layer_by_layer,
     layout_of,
     lines_of,
     may_be_cut,
     places_of,
 )
-from decmcts.team.cutting.sweep import sweep_order
+from decmcts.team.cutting.sweep import Sweep, sweep_order, times_of
+from decmcts.team.cutting.travels import with_less_travel
 from decmcts.team.engine.first_policies import first_policies_s
-from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode_stated
+from decmcts.team.engine.plans import MOST_STATED, StatedOrder
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
-from decmcts.team.engine.resolve import is_allowed, resolve
 from decmcts.team.engine.space import relation_of
 
 MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
 ROUNDS = 4  # sweeps that are tried at most
 LATE = 0.1  # of a sweep's time that heads may wait for what is late: all of them for all of it
 GAIN = 0.995  # of the time without cuts: cuts that gain less than the estimates' error are not made
+# of what a cut is taken to cost, and by how much nearer heads come: layouts that are tried too
+OTHERS = ((0.6, 0.0), (1.7, 0.0), (1.0, 0.8), (0.8, 0.4))
+MOST_TRIED = 200_000  # pieces of all sweeps that are tried; more take too long
 HOP_MM, SHORT_MM = 3.0, 0.6  # typical travels from piece to piece, to price a cut by
 
 
@@ -103,42 +110,93 @@ def _swept(
 ) -> Swept | None:
     """Return a sweep with those contours cut that `may` be; `seconds` are those of segments.
 
+    Several layouts are tried, and of each layer the one is taken in which it took least.
+    """
+    contours, axis = problem.job.contours, axis_of(problem.machine)[0]
+    spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
+    whole_s = np.add.reduceat(seconds, contours.offsets[:-1])
+    tried = _tried_deeper(problem, cut, spread, whole_s)
+    if not tried:
+        return None
+    if may.any():
+        spread = min(tried, key=_end_of).spread
+        for price, nearer_mm in OTHERS:
+            other = replace(spread, price=price * spread.price)
+            layout = _layout(problem, other, nearer_mm)
+            if sum(len(each.team.job.contours) for each in tried) < MOST_TRIED:
+                tried += _try(problem, cut, spread, layout)
+        choice = np.argmin([each.layer_s for each in tried], axis=0)
+        layout = layer_by_layer([each.layout for each in tried], choice)
+        chosen = depth_by_layer(contours, [each.spread for each in tried], choice)
+        tried += _try(problem, cut, chosen, layout)
+    best = min(tried, key=_end_of)
+    less = with_less_travel(best.team, best.sweep.stated, best.sweep.run)
+    order, end_s = best.sweep.stated, best.end_s
+    if (times := times_of(best.team, less)) is not None and times[1] < end_s:
+        order, end_s = less, times[1]
+    return Swept(best.problem, order, end_s, best.team)
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A sweep that was tried."""
+
+    problem: PrintProblem
+    team: TeamProblem
+    spread: Cuttable
+    layout: Layout
+    sweep: Sweep
+    layer_s: NDArray[np.float64]  # (layers,) how long heads take for each
+    end_s: float
+
+
+def _end_of(tried: Tried) -> float:
+    """Return when heads end, s."""
+    return tried.end_s
+
+
+def _layout(problem: PrintProblem, spread: Cuttable, nearer_mm: float = 0.0) -> Layout:
+    """Return the layout in which heads come so much nearer than they surely may."""
+    axis = axis_of(problem.machine)[0]
+    apart = _apart_mm(problem.machine, axis) - nearer_mm
+    return layout_of(spread, axis=axis, heads=len(problem.machine.heads), apart_mm=apart)
+
+
+def _tried_deeper(
+    problem: PrintProblem, cut: Cut, spread: Cuttable, whole_s: NDArray[np.float64]
+) -> list[Tried]:
+    """Return the sweeps tried first; `whole_s` is what each contour takes, (n,).
+
     Where much is printed later than its strip, as it touches what a later strip prints, it is cut
     still earlier in the sweep, and the sweep made anew.
     """
-    contours, machine = problem.job.contours, problem.machine
-    axis = axis_of(machine)[0]
-    spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
-    whole_s = np.add.reduceat(seconds, contours.offsets[:-1])
-    apart, heads, best = _apart_mm(machine, axis), len(machine.heads), None
+    tried, heads = list[Tried](), len(problem.machine.heads)
     for _ in range(ROUNDS):
-        layout = layout_of(spread, axis=axis, heads=heads, apart_mm=apart)
-        places = places_of(contours, layout, spread)
-        lines = lines_of(contours, layout, spread, places)
-        parted = _cut(problem, lines, cut) if len(lines.at) else problem
-        if len(parted.job.contours) > MOST_STATED:
+        made = _try(problem, cut, spread, _layout(problem, spread))
+        tried += made
+        if not made:
             break
-        team = build_team_problem(parted.job, machine, parted.graph)
-        order, late = sweep_order(team, layout, places, spread)
-        found = _judged(parted, team, order)
-        if found is not None and (best is None or found.makespan_s < best.makespan_s):
-            best = found
-        late &= may
-        if best is None or whole_s[late].sum() * heads < LATE * best.makespan_s:
+        late = made[0].sweep.late & spread.may
+        if whole_s[late].sum() * heads < LATE * min(map(_end_of, tried)):
             break
-        before, spread = spread, deeper(spread, contours, late)
+        before, spread = spread, deeper(spread, problem.job.contours, late)
         if np.array_equal(before.depth, spread.depth):
             break
-    return best
+    return tried
 
 
-def _judged(problem: PrintProblem, team: TeamProblem, order: StatedOrder) -> Swept | None:
-    """Return the sweep with its makespan; None if the heads cannot carry it out."""
-    if not is_allowed(team, order, team.space.eligible):
-        return None
-    heads = range(len(problem.machine.heads))
-    plan = encode_stated(order, len(heads), team.n_macros)
-    return Swept(problem, order, resolve(team, {0: plan}, heads).makespan_s, team)
+def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> list[Tried]:
+    """Return the sweep of a layout; none if the heads cannot carry it out."""
+    contours = problem.job.contours
+    places = places_of(contours, layout, spread)
+    lines = lines_of(contours, layout, spread, places)
+    parted = _cut(problem, lines, cut) if len(lines.at) else problem
+    if len(parted.job.contours) > MOST_STATED:
+        return []
+    team = build_team_problem(parted.job, problem.machine, parted.graph)
+    sweep = sweep_order(team, layout, places, spread)
+    times = times_of(team, sweep.stated)
+    return [] if times is None else [Tried(parted, team, spread, layout, sweep, *times)]
 
 
 def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:

@@ -9,7 +9,9 @@ infill a wall, is cut earlier in the sweep, so that nothing waits for what a lat
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,6 +225,26 @@ def layout_of(spread: Cuttable, *, axis: int, heads: int, apart_mm: float) -> La
         lines[layer, :, : len(edges)] = _by_depth(edges, m, bool(forward[layer]), layer, deepest)
         _windows(strips, apart[best], low[layer], high[layer])
     return Layout(axis, heads, steps, forward, lines, low, high)
+
+
+def layer_by_layer(layouts: Sequence[Layout], choice: Ints) -> Layout:
+    """Return the layout that is on each layer as the one of these that is chosen, (layers,)."""
+    layer = np.arange(len(choice))
+
+    def chosen(name: str) -> NDArray[Any]:
+        return np.asarray(np.stack([getattr(each, name) for each in layouts])[choice, layer])
+
+    return replace(
+        layouts[0], steps=chosen("steps"), lines=chosen("lines"),
+        low=chosen("low"), high=chosen("high"),
+    )  # fmt: skip
+
+
+def depth_by_layer(contours: Contours, spreads: Sequence[Cuttable], choice: Ints) -> Cuttable:
+    """Return the same with depths, on each layer, of the one of these that is chosen."""
+    depth = np.stack([each.depth for each in spreads])
+    depth = depth[choice[contours.layer], np.arange(len(contours))]
+    return replace(spreads[0], depth=depth, deepest=_deepest(contours, depth))
 
 
 def _apart(apart_mm: float, m: int, forward: bool, deepest: int) -> Floats:

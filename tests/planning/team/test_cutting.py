@@ -35,6 +35,8 @@ from decmcts.print.motion import segment_times
 from decmcts.print.plan import ActionKind
 from decmcts.print.welds import cuts_of, weld_ages
 from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.engine.plans import encode_stated
+from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.entries import entries_of
 from sim.content.inventory import move_segments
 from sim.content.welds import welds_of
@@ -103,6 +105,23 @@ def test_many_heads_share_one_part(tmp_path: Path, heads: int, wide: float, time
     assert swept is not None and alone / swept.makespan_s > times
 
 
+def test_of_each_layer_the_layout_is_taken_in_which_heads_end_first(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the strips are expected to take is not what pieces take: the best is measured."""
+    problem, ends = load(source, "dual-gantry"), {}
+    for others in (cutting.OTHERS, ()):
+        monkeypatch.setattr(cutting, "OTHERS", others)
+        swept = best_sweep(problem, Cut.ALL, unheard)
+        assert swept is not None
+        heads = range(len(problem.machine.heads))
+        plan = encode_stated(swept.order, len(heads), swept.team.n_macros)
+        resolved = resolve(swept.team, {0: plan}, heads)
+        assert resolved.makespan_s == pytest.approx(swept.makespan_s)
+        ends[len(others)] = swept.makespan_s
+    assert max(ends.values()) == ends[0] > min(ends.values())
+
+
 def test_what_is_late_in_a_sweep_is_cut_sooner(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,6 +139,7 @@ def test_what_is_late_in_a_sweep_is_cut_sooner(
     )  # fmt: skip
     problem = problem_of(source, Rules(), unheard)
     ends = {}
+    monkeypatch.setattr(cutting, "OTHERS", ())
     for rounds in (1, cutting.ROUNDS):
         monkeypatch.setattr(cutting, "ROUNDS", rounds)
         swept = best_sweep(problem, Cut.ALL, unheard)
