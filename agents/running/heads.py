@@ -1,0 +1,103 @@
+"""The two processes of each head while it prints: its controller, and its agent.
+
+Controller and agent speak through two pipes that nobody else has. A third, the *record*, carries
+all a controller says to the launcher too: so what happened is known whatever becomes of the agent.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents.launching.processes import PIPED, AgentProcess
+from agents.launching.processes import Said as AgentSaid
+from agents.networks.meeting import Meeting
+from agents.running.port import Pipe, Said
+
+RUNNER = (sys.executable, "-P", "-m", "agents.runner", PIPED)
+_END_S = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """What a controller said, None when its record ended."""
+
+    head: int
+    said: Said | None
+
+
+class HeadProcesses:
+    """The processes of one head.
+
+    Parameters
+    ----------
+    head : int
+        Its place in the plan.
+    controller : sequence of str
+        The command of its controller; `--record` and a descriptor are added.
+    heard : queue.Queue
+        Where what both say is put, as `processes.Said` and `Recorded`.
+    """
+
+    def __init__(
+        self, head: int, controller: Sequence[str], heard: queue.Queue[AgentSaid | Recorded]
+    ) -> None:
+        self.head = head
+        asks, to = os.pipe()
+        of, says = os.pipe()
+        record, keeps = os.pipe()
+        self._controller = subprocess.Popen(
+            [*controller, "--record", str(keeps)], stdin=asks, stdout=says, pass_fds=[keeps],
+            start_new_session=True,
+        )  # fmt: skip
+        self.agent = AgentProcess(head, RUNNER, heard, inherits=(to, of))  # type: ignore[arg-type] # a queue of more
+        for descriptor in (asks, to, of, says, keeps):
+            os.close(descriptor)
+        self._ends = "--to", str(to), "--of", str(of)
+        self._reader = threading.Thread(target=self._read, args=(record, heard), daemon=True)
+        self._reader.start()
+
+    @property
+    def controller_pid(self) -> int:
+        """Process id of the controller."""
+        return self._controller.pid
+
+    @property
+    def controller_runs(self) -> bool:
+        """Whether the controller's process has not ended."""
+        return self._controller.poll() is None
+
+    def begin(self, epoch: int, clock: Path, meeting: Meeting | None, more: Sequence[str]) -> None:
+        """Hand its arguments to the agent."""
+        words = ["--head", str(self.head), "--epoch", str(epoch), "--clock", str(clock)]
+        self.agent.begin([*words, *self._ends, *more], meeting)
+
+    def kill(self) -> None:
+        """End both for sure: after this the head does nothing any more."""
+        self._controller.kill()
+        self._controller.wait()
+        self.agent.kill()
+
+    def end(self) -> None:
+        """End both in order, the controller when its agent is gone."""
+        self.agent.tell({"command": "exit"})
+        self.agent.reap()
+        with suppress(subprocess.TimeoutExpired):
+            self._controller.wait(_END_S)
+        self.kill()
+        self._reader.join(_END_S)
+
+    def _read(self, record: int, heard: queue.Queue[AgentSaid | Recorded]) -> None:
+        pipe = Pipe(record)
+        while pipe.open:
+            for said in pipe.said():
+                heard.put(Recorded(self.head, said))
+        os.close(record)
+        heard.put(Recorded(self.head, None))
