@@ -66,6 +66,7 @@ class Carrier:
     out: list[Command] = field(default_factory=list)
     seq: int = 0
     began: int = -1  # the newest plan of which this head has begun something
+    agreed: int = -1  # the newest plan that all its heads held when this one began
     held: str = ""  # digest of the plan the controller holds
     _starting: tuple[int, str] | None = None
 
@@ -81,6 +82,7 @@ class Carrier:
             case Ready(number, digest):
                 if (number, digest) == self._starting:
                     self.number, self.reached, self.released = number, Reached(), 0
+                    self.off = False  # it only clogged, and goes to its park
                     self.held = digest
                 self._starting = None
             case Alive(_, at):
@@ -153,14 +155,13 @@ class Carrier:
     def step(self, now_s: float) -> list[Command]:
         """Return what the controller is to be told at a time of the print."""
         found, self.out = self.out, []
-        if self.off:
-            return found
         following = self._next()
-        if following is not None and (self.number < 0 or self.done) and self._starting is None:
+        free = self.number < 0 or self.done or self.off
+        if following is not None and free and self._starting is None:
             self._starting = (following.number, following.digest)
             found.append(Start(following.number, following.path, following.digest))
         if self.number >= 0:
-            if self.number in self.plans:
+            if self.number in self.plans and not self.off:
                 self._release(now_s)
             found.append(Release(self.number, self.released))
         return found
@@ -180,16 +181,17 @@ class Carrier:
         if self.released > self.reached.ended or self.done:
             return None
         plan = self.plans[self.number]
-        for head in plan.heads:
-            if not self._agrees(plan, head):
-                return head
+        if not self.may_begin(plan):
+            return next(head for head in plan.heads if not self._agrees(plan, head))
         for edge in actions.after_edges(self.released):
             if not self._has_passed(plan, edge.head, edge.action, edge.point):
                 return plan.heads[edge.head]
         return None
 
     def may_begin(self, plan: NumberedPlan) -> bool:
-        """Tell whether all heads of a plan hold it."""
+        """Tell whether all heads of a plan hold it, or did when it was begun."""
+        if self.agreed == plan.number:
+            return True
         return all(self._agrees(plan, head) for head in plan.heads)
 
     def _next(self) -> NumberedPlan | None:
@@ -203,8 +205,6 @@ class Carrier:
         report = self.reports.get(head)
         if report is None:
             return False
-        if head in self.fenced:  # it had said so before it failed, or never will
-            return (report.number, report.digest) == (plan.number, plan.digest)
         return report.number > plan.number or (report.number, report.digest) == (
             plan.number, plan.digest,
         )  # fmt: skip
@@ -215,6 +215,7 @@ class Carrier:
         assert actions is not None
         if self.holding or self.paused or not self.may_begin(plan):
             return
+        self.agreed = plan.number
         while self.released < self.until:
             k, at = self.released, self.reached.ended
             far = k - at >= LEAST_AHEAD
@@ -244,8 +245,9 @@ class Carrier:
             return self.released > action  # its own order keeps that
         if head in self.fenced:
             number, reached = self.fenced[head]
-            if number > plan.number or (number == plan.number and reached.passed(action, point)):
-                return True
+            return number > plan.number or (
+                number == plan.number and reached.passed(action, point)
+            )
         report = self.reports.get(head)
         if report is None or report.number < plan.number:
             return False

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -80,10 +81,10 @@ class HeadProcesses:
         self.agent.begin([*words, *self._ends, *more], meeting)
 
     def kill(self) -> None:
-        """End both for sure: after this the head does nothing any more."""
+        """End both for sure: after this the head does nothing any more. Waits for neither."""
         self._controller.kill()
-        self._controller.wait()
-        self.agent.kill()
+        with suppress(ProcessLookupError):
+            os.kill(self.agent.pid, signal.SIGKILL)
 
     def end(self) -> None:
         """End both in order, the controller when its agent is gone."""
@@ -91,7 +92,8 @@ class HeadProcesses:
         self.agent.reap()
         with suppress(subprocess.TimeoutExpired):
             self._controller.wait(_END_S)
-        self.kill()
+        self._controller.kill()
+        self._controller.wait()
         self._reader.join(_END_S)
 
     def _read(self, record: int, heard: queue.Queue[AgentSaid | Recorded]) -> None:

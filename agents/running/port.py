@@ -5,7 +5,8 @@ carried out), `pause`, `resume`, `abort`. All are states, not steps: saying one 
 nothing, and `release` is said again and again, which tells that the agent lives. From the
 controller: events (`agents.messages.event_stream`), `ready` behind a `start`, and `alive` all the
 time. A `failed` event is the controller's word that its head is off: it stands at the place the
-event names and moves no more. docs/run.md has what a controller must keep.
+event names and moves no more. One that is `CLOGGED` prints no more, but may be told to start a plan
+by which it goes to its park. docs/run.md has what a controller must keep.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ MOST_WAITING = 1 << 20  # bytes of one pipe that are kept
 
 ALIVE_S = 0.1  # so often both sides say that they live
 SILENT_S = 3.0  # and after so long without a word the other counts as gone
+CLOGGED = "clogged"  # why a head failed that can still move
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from agents.messages.event_stream import pack_event
 from agents.running.clock import PrintClock
 from agents.running.port import (
     ALIVE_S,
+    CLOGGED,
     SILENT_S,
     Abort,
     Alive,
@@ -53,6 +54,7 @@ class Controller:
         self.feeding: Feeding | None = None
         self.number = -1
         self.paused = False
+        self.clogs = False  # now
         self.clogged = False
         self.alive_at = -float("inf")
 
@@ -65,9 +67,10 @@ class Controller:
                 if not self.agent.open:
                     return
                 continue
-            if self.clogged and not feeding.off:
+            if self.clogs and not feeding.off:
+                self.clogs, self.clogged = False, True
                 self._say(b"".join(map(pack_event, feeding.step(now_s))))
-                self._say(pack_event(feeding.fail("clogged", now_s)))
+                self._say(pack_event(feeding.fail(CLOGGED, now_s)))
             if not self.agent.open or time.monotonic() - self.heard_at > SILENT_S:
                 feeding.end("its agent is gone" if not self.agent.open else "its agent is silent")
             self._say(b"".join(map(pack_event, feeding.step(now_s))))
@@ -92,7 +95,7 @@ class Controller:
     def _take(self, command: Command) -> None:
         feeding, now_s = self.feeding, self.clock.now()
         match command:
-            case Start(number, path, digest) if feeding is None or not feeding.off:
+            case Start(number, path, digest) if not self._is_off():
                 self._start(number, Path(path))
                 self.heard_at = time.monotonic()  # that took a while
                 self._say(pack_said(Ready(number, digest)))
@@ -109,6 +112,11 @@ class Controller:
             case Abort(why) if feeding is not None and not feeding.off:
                 self._say(b"".join(map(pack_event, feeding.step(now_s))))
                 self._say(pack_event(feeding.fail(why, now_s)))
+
+    def _is_off(self) -> bool:
+        """Whether it does nothing any more; a clogged head still goes to its park."""
+        clogged, self.clogged = self.clogged, False
+        return self.feeding is not None and self.feeding.off and not clogged
 
     def _start(self, number: int, path: Path) -> None:
         """Take a plan in the place of the one before."""
@@ -144,7 +152,7 @@ def main() -> None:
     controller = Controller(parser.parse_args())
 
     def clog(*_: object) -> None:
-        controller.clogged = True
+        controller.clogs = True
 
     signal.signal(signal.SIGUSR1, clog)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -26,7 +26,7 @@ from agents.networks.meeting import Meeting
 from agents.running.carrier import committed
 from agents.running.clock import PrintClock
 from agents.running.heads import HeadProcesses, Recorded
-from agents.running.port import ALIVE_S, SILENT_S, Alive, Ready
+from agents.running.port import CLOGGED, SILENT_S, Alive, Ready
 from agents.running.report import Reached
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
@@ -73,6 +73,7 @@ class Standing:
     controller_gone: str = ""
     at: Point | None = None
     fenced: bool = False
+    parks: bool = False  # it prints no more, but its controller takes it to its park
     failure: Failure | None = None
 
 
@@ -162,7 +163,6 @@ class Launcher:
              for p, one in zip(self.heads, self.processes, strict=True)}
         )  # fmt: skip
         self._event_at = time.monotonic()
-        self.clock.set_pace(self.options.speed)
 
     def _announce(self, document: PlanDocument, *, is_print: bool) -> Carried:
         """Hand a plan to all heads that live; they begin it when all of them hold it."""
@@ -172,16 +172,20 @@ class Launcher:
         names = [head.name for head in self.heads]
         heads = tuple(names.index(actions.head) for actions in document.plan.heads)
         self.plans.append(Carried(number, read_plan(path), heads, is_print))
-        for h in self._living():
+        for h in self._told():
             self._tell(h, command="plan", number=number, path=str(path), heads=list(heads))
         return self.plans[-1]
 
-    def _tell(self, head: int, **command: object) -> None:
+    def _tell(self, head: int, /, **command: object) -> None:
         self.processes[head].agent.tell(command)
 
     def _living(self) -> list[int]:
         """Return the heads that work."""
         return [h for h, head in enumerate(self.heads) if head.failure is None]
+
+    def _told(self) -> list[int]:
+        """Return the heads whose agents are told of plans: those that work, or go to their park."""
+        return [h for h, head in enumerate(self.heads) if head.failure is None or head.parks]
 
     def _lost(self) -> list[int]:
         """Return the heads that failed and are not fenced."""
@@ -191,6 +195,7 @@ class Launcher:
 
     def _step(self) -> None:
         self._hear()
+        self._keep_pace()
         self._obey()
         self._find_failures()
         self._settle_missing()
@@ -202,6 +207,20 @@ class Launcher:
         if now - self._shown_at > SHOWN_S:
             self._shown_at = now
             self.show(self.view())
+
+    def _keep_pace(self) -> None:
+        """Let time pass as in the world while heads are planned for, and take up what is planned.
+
+        A faster clock would count the seconds of this computer many times.
+        """
+        takes_up = len(self.plans) > 1 and all(
+            self._has_done(h, before=len(self.plans) - 1) for h in self._living()
+        )
+        begun = self.plans[-1].events or not self.plans[-1].is_print
+        real = self._planning or (takes_up and not begun)
+        pace = min(1.0, self.options.speed) if real else self.options.speed
+        if pace != self.clock.pace:
+            self.clock.set_pace(pace)
 
     def _hear(self) -> None:
         try:
@@ -220,6 +239,9 @@ class Launcher:
 
     def _take(self, item: AgentSaid | Recorded | News) -> None:
         match item:
+            case Recorded() if self._is_ending and isinstance(item.said, PrintEvent | None):
+                if item.said is not None and item.said.kind is not EventKind.FAILED:
+                    self._take_record(item)
             case Recorded():
                 self._take_record(item)
             case AgentSaid():
@@ -243,7 +265,7 @@ class Launcher:
                 head.at, self._event_at = event.at, time.monotonic()
                 if event.kind is EventKind.FAILED:
                     self._fail(item.head, event.what)
-                    self._fence(item.head, event.at)
+                    self._fence(item.head, event.at, parks=event.what == CLOGGED)
                 elif event.kind is EventKind.BEGAN:
                     self._goes_on(carried, event.time_s)
 
@@ -281,6 +303,10 @@ class Launcher:
     # Failures ---------------------------------------------------------------
 
     def _find_failures(self) -> None:
+        for head in self.heads:
+            if head.parks and (head.controller_gone or head.agent_gone):
+                head.parks, head.fenced = False, False  # it stands who knows where
+                self.report(Note(f"{head.name}: {PERSON.format(name=head.name)}"))
         for h in self._living():
             head = self.heads[h]
             if head.controller_gone:
@@ -301,17 +327,18 @@ class Launcher:
         self._held.pop(h, None)
         self.report(Note(f"{clock_time(now_s)}: head {head.name} failed: {why}"))
 
-    def _fence(self, h: int, at: Point) -> None:
-        """Make sure that a head does nothing any more; it stands at a place."""
+    def _fence(self, h: int, at: Point, *, parks: bool = False) -> None:
+        """Make sure that a head does nothing any more but go to its park, if it can do that."""
         head = self.heads[h]
         assert head.failure is not None
-        self.processes[h].kill()
+        head.parks = parks
+        if not parks:
+            self.processes[h].kill()
         head.fenced, head.failure.at = True, at
         head.failure.fenced_s = self.clock.now()
         self._unplanned.add(h)
         if self._planning or self._holding:  # what is planned has this head in it
             self._planning, self._holding = 0, False
-            self.clock.set_pace(self.options.speed)
 
     def _settle_missing(self) -> None:
         """Have a head stop that the others do not hear although its process lives: its bus is."""
@@ -409,12 +436,19 @@ class Launcher:
             else self._park(h)
             for h in self._living()
         }
+        parking = {
+            head.name: head.failure.at
+            for head in self.heads
+            if head.parks and head.failure is not None and head.failure.at is not None
+        }
         names = {actions.head for actions in printing.document.plan.heads}
         fenced = {
             head.name: head.failure.at
             for head in self.heads
             if head.fenced and head.failure is not None and head.failure.at is not None
         }
+        parks = {head.name: head.park for head in self.document.machine.heads}
+        beside = {name: parks[name] if name in parking else at for name, at in fenced.items()}
         self._unplanned.clear()
         source = self._sources.get(printing.number)
         if source is None:
@@ -425,10 +459,10 @@ class Launcher:
         self._planning = self._token
         state = self._state(printing, [printing.count(h) for h in printing.heads])
         begin = Begin(
-            printing.document, self.document.machine, source, state, standing,
-            {name: at for name, at in fenced.items() if name in names}, fenced,
+            printing.document, self.document.machine, source, state, {**standing, **parking},
+            {name: at for name, at in beside.items() if name in names},
+            {name: at for name, at in fenced.items() if name not in parking},
         )  # fmt: skip
-        self.clock.set_pace(min(1.0, self.options.speed))
         self.report(Note(f"{clock_time(self.clock.now())}: the rest is planned for "
                          f"{', '.join(standing)}"))  # fmt: skip
         renew(
@@ -454,21 +488,18 @@ class Launcher:
             case Parking(_, document):
                 self._announce(document, is_print=False)
             case Renewed(_, document, source, left_out, lines):
-                self._planning = 0
-                self.clock.set_pace(self.options.speed)
+                self._planning, now_s = 0, self.clock.now()
                 self.reason = ""
                 self.left += [line for line in lines if line not in self.left]
                 self.left_out += left_out
                 self._sources[len(self.plans)] = source
                 self._announce(document, is_print=True)
-                now_s = self.clock.now()
                 for failure in self.failures:
                     if math.isnan(failure.planned_s):
                         failure.planned_s = now_s
                 self.report(Note(f"{clock_time(now_s)}: the rest is planned"))
             case NotRenewed(_, why, parked):
                 self._planning = 0
-                self.clock.set_pace(self.options.speed)
                 self.reason = f"the rest is not planned: {why}"
                 if parked:
                     self.report(Note(self.reason))
@@ -557,10 +588,11 @@ class Launcher:
             return quiet and not any(self.heads[h].paused for h in living)
         return False
 
-    def _has_done(self, h: int) -> bool:
-        """Tell whether a head has done its share of the last plan it is in, by its controller."""
-        mine = [p for p in self.plans if h in p.heads]
-        last = mine[-1]
+    def _has_done(self, h: int, before: int | None = None) -> bool:
+        """Tell whether a head has done its share of the last plan (before one), by its controller's
+        word.
+        """
+        last = [p for p in self.plans[:before] if h in p.heads][-1]
         return last.reached.get(h, Reached()).ended >= last.count(h)
 
     @property

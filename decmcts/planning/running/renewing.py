@@ -26,9 +26,9 @@ class Begin:
     whole: Machine  # with all heads of the first plan
     source: Source
     state: PrintState  # when heads have done what they go on with
-    standing: Mapping[str, Point]  # heads that live, and where they stand then
-    fenced: Mapping[str, Point]  # heads of that plan that print no more
-    obstacles: Mapping[str, Point]  # these, and those that failed before
+    standing: Mapping[str, Point]  # heads that go to their parks, and where they stand then
+    fenced: Mapping[str, Point]  # heads of that plan that print no more, and where they will stand
+    obstacles: Mapping[str, Point]  # heads that do not move, those that failed before too
 
 
 @dataclass(frozen=True, slots=True)
