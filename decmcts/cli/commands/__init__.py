@@ -1,6 +1,6 @@
 """The commands; importing this registers each on `app`, in the order `--help` lists them."""
 
 # ruff: noqa: I001  # that order
-from decmcts.cli.commands import verify, simulate, machines, plan, post, launch, replan, warm
+from decmcts.cli.commands import verify, simulate, machines, plan, post, launch, run, replan, warm
 
-__all__ = ["launch", "machines", "plan", "post", "replan", "simulate", "verify", "warm"]
+__all__ = ["launch", "machines", "plan", "post", "replan", "run", "simulate", "verify", "warm"]

@@ -13,13 +13,27 @@ import numpy as np
 
 from agents.running.report import Reached
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ActionKind, PlanDocument
+from decmcts.print.plan import ACTION_END, ActionKind, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import HeadState, Point
 from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
 from sim.controllers.nearness import Course, Near, nearness
 from sim.controllers.program import Floats
+
+
+LEAST_WAIT_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """A head that stood for another."""
+
+    number: int  # of the plan
+    head: int  # of the first plan
+    by: int
+    seconds: float
+    event: PrintEvent  # heads as in this plan
 
 
 @dataclass(slots=True)
@@ -44,10 +58,11 @@ class Carried:
         actions = self.document.plan.heads[self.heads.index(head)]
         return self.until.get(head, len(actions))
 
-    def log(self) -> EventLog:
-        """Return all events in the order of their times."""
+    def log(self, waits: Sequence[Wait] = ()) -> EventLog:
+        """Return all events in the order of their times, waits of this plan with them."""
         names = tuple(actions.head for actions in self.document.plan.heads)
-        events = tuple(sorted(self.events, key=lambda event: event.time_s))
+        stood = [wait.event for wait in waits if wait.number == self.number]
+        events = tuple(sorted([*self.events, *stood], key=lambda event: event.time_s))
         return EventLog(self.document.problem, names, events)
 
     def last(self, head: int) -> PrintEvent | None:
@@ -184,11 +199,46 @@ def course_of(
     return moves.course()
 
 
+def waits_of(carried: Carried) -> list[Wait]:
+    """Return for whom heads stood in a plan: of all an action waited for, what came last."""
+    plan, found = carried.document.plan, list[Wait]()
+    passed = {
+        (e.head, e.action, e.point if e.kind is EventKind.PASSED else ACTION_END): e.time_s
+        for e in carried.events if e.kind in (EventKind.PASSED, EventKind.ENDED)
+    }  # fmt: skip
+    for place, actions in enumerate(plan.heads):
+        own = [event for event in carried.events if event.head == place]
+        if not own:
+            continue
+        before_s = Work.of_plan(carried.document, actions.head).before_s
+        last_s = 0.0
+        for event in own:
+            if event.kind is EventKind.ENDED:
+                last_s = event.time_s
+            edges = actions.after_edges(event.action) if event.kind is EventKind.BEGAN else []
+            others = [edge for edge in edges if edge.head != place]
+            if not others:
+                continue
+            stood_s = event.time_s - float(before_s[event.action]) - last_s
+            if stood_s > LEAST_WAIT_S:
+                by = max(others, key=lambda e: passed.get((e.head, e.action, e.point), 0.0)).head
+                began = PrintEvent(
+                    EventKind.WAITS, place, last_s, event.action, 0, event.at, by=by
+                )
+                heads = carried.heads
+                found.append(Wait(carried.number, heads[place], heads[by], stood_s, began))
+    return found
+
+
 def nearest(
-    machine: Machine, plans: Sequence[Carried], moved: Mapping[int, tuple[float, Point]], end_s: float
-) -> tuple[Near, ...]:
-    """Return how near heads came to each other in a run, by their controllers' words."""
-    courses = [
-        course_of(plans, h, head.park, moved) for h, head in enumerate(machine.heads)
-    ]
-    return nearness(machine, machine.heads, courses, 0.0, end_s)
+    machine: Machine, names: Sequence[str], plans: Sequence[Carried],
+    moved: Mapping[int, tuple[float, Point]], end_s: float,
+) -> tuple[Near, ...]:  # fmt: skip
+    """Return how near heads came to each other in a run, by their controllers' words.
+
+    `names` are those of the first plan's heads; the pairs of what is returned count them.
+    """
+    known = {head.name: head for head in machine.heads}
+    heads = [known[name] for name in names]
+    courses = [course_of(plans, h, head.park, moved) for h, head in enumerate(heads)]
+    return nearness(machine, heads, courses, 0.0, end_s)
