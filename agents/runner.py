@@ -55,7 +55,8 @@ class Runner:
     def __init__(self, given: argparse.Namespace, front: PipeFront, transport: Transport) -> None:
         self.front, self.transport = front, transport
         self.clock = PrintClock(given.clock)
-        self.carrier = Carrier(given.head)
+        # An agent that takes another's place tells more than that one did.
+        self.carrier = Carrier(given.head, seq=time.time_ns() // 1_000_000)
         self.to, self.controller = given.to, Pipe(given.of)
         os.set_blocking(given.of, False)
         now = time.monotonic()

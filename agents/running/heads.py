@@ -1,7 +1,8 @@
 """The two processes of each head while it prints: its controller, and its agent.
 
-Controller and agent speak through two pipes that nobody else has. A third, the *record*, carries
-all a controller says to the launcher too: so what happened is known whatever becomes of the agent.
+Controller and agent speak through two pipes. A third, the *record*, carries all a controller says
+to the launcher too: so what happened is known whatever becomes of the agent. The launcher keeps the
+ends of the agent's pipes, so that it can have the controller finish and start another agent.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from agents.launching.processes import PIPED, AgentProcess
 from agents.launching.processes import Said as AgentSaid
 from agents.networks.meeting import Meeting
-from agents.running.port import Pipe, Said
+from agents.running.port import Finish, Pipe, Said, pack_command, write_all
 
 RUNNER = (sys.executable, "-P", "-m", "agents.runner", PIPED)
 _END_S = 2.0
@@ -58,27 +60,40 @@ class HeadProcesses:
             [*controller, "--record", str(keeps)], stdin=asks, stdout=says, pass_fds=[keeps],
             start_new_session=True,
         )  # fmt: skip
-        self.agent = AgentProcess(head, RUNNER, heard, inherits=(to, of))  # type: ignore[arg-type] # a queue of more
-        for descriptor in (asks, to, of, says, keeps):
+        self._ends, self._heard = (to, of), heard
+        self._start_agent()
+        for descriptor in (asks, says, keeps):
             os.close(descriptor)
-        self._ends = "--to", str(to), "--of", str(of)
         self._reader = threading.Thread(target=self._read, args=(record, heard), daemon=True)
         self._reader.start()
+
+    def _start_agent(self) -> None:
+        heard: Any = self._heard  # of more than an agent's lines
+        self.agent = AgentProcess(self.head, RUNNER, heard, inherits=self._ends)
+
+    def restart(self) -> None:
+        """Start another agent in the place of one that is gone, or is ended here."""
+        with suppress(ProcessLookupError):
+            os.kill(self.agent.pid, signal.SIGKILL)
+        self.agent.reap()
+        self._start_agent()
+        self.agent.begin(*self._begun)
+
+    def finish(self, why: str) -> None:
+        """Have the controller be off behind the action it is at, in the place of a dead agent."""
+        write_all(self._ends[0], pack_command(Finish(why)))
 
     @property
     def controller_pid(self) -> int:
         """Process id of the controller."""
         return self._controller.pid
 
-    @property
-    def controller_runs(self) -> bool:
-        """Whether the controller's process has not ended."""
-        return self._controller.poll() is None
-
     def begin(self, epoch: int, clock: Path, meeting: Meeting | None, more: Sequence[str]) -> None:
         """Hand its arguments to the agent."""
+        to, of = map(str, self._ends)
         words = ["--head", str(self.head), "--epoch", str(epoch), "--clock", str(clock)]
-        self.agent.begin([*words, *self._ends, *more], meeting)
+        self._begun = [*words, "--to", to, "--of", of, *more], meeting
+        self.agent.begin(*self._begun)
 
     def kill(self) -> None:
         """End both for sure: after this the head does nothing any more. Waits for neither."""
@@ -90,6 +105,8 @@ class HeadProcesses:
         """End both in order, the controller when its agent is gone."""
         self.agent.tell({"command": "exit"})
         self.agent.reap()
+        for descriptor in self._ends:
+            os.close(descriptor)
         with suppress(subprocess.TimeoutExpired):
             self._controller.wait(_END_S)
         self._controller.kill()

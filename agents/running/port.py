@@ -1,12 +1,12 @@
 """The port between an agent and the controller of its head: msgpack over two pipes.
 
 To the controller: `start` (which plan, whose actions), `release` (how many of its actions may be
-carried out), `pause`, `resume`, `abort`. All are states, not steps: saying one twice changes
+carried out), `pause`, `resume`, `abort`, `finish`. All are states, not steps: saying one twice changes
 nothing, and `release` is said again and again, which tells that the agent lives. From the
 controller: events (`agents.messages.event_stream`), `ready` behind a `start`, and `alive` all the
 time. A `failed` event is the controller's word that its head is off: it stands at the place the
-event names and moves no more. One that is `CLOGGED` prints no more, but may be told to start a plan
-by which it goes to its park. docs/run.md has what a controller must keep.
+event names and moves no more, unless it is told to start a plan by which it goes to its park; one
+that was aborted does not. docs/run.md has what a controller must keep.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from decmcts.print.print_events import PrintEvent
 
 MOST_WAITING = 1 << 20  # bytes of one pipe that are kept
 
+ABORTED = "aborted"  # why a head failed that is not to move any more
+SILENT = "its agent is silent"
 ALIVE_S = 0.1  # so often both sides say that they live
 SILENT_S = 3.0  # and after so long without a word the other counts as gone
-CLOGGED = "clogged"  # why a head failed that can still move
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +76,20 @@ class Resume:
 class Abort:
     """Stop now, and be off."""
 
-    why: str = "aborted"
+    why: str = ABORTED
 
 
-Command = Start | Release | Pause | Resume | Abort
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """Be off behind the action that has begun."""
+
+    why: str
+
+
+Command = Start | Release | Pause | Resume | Abort | Finish
 _COMMANDS: dict[str, type[Command]] = {
     "start": Start, "release": Release, "pause": Pause, "resume": Resume, "abort": Abort,
+    "finish": Finish,
 }  # fmt: skip
 _WORDS = {kind: word for word, kind in _COMMANDS.items()}
 Said = PrintEvent | Ready | Alive
@@ -160,6 +169,8 @@ def command_of(found: Any) -> Command:
             return Resume()
         case ["abort", str(why)]:
             return Abort(why)
+        case ["finish", str(why)]:
+            return Finish(why)
     raise ValueError(f"{found!r:.80} is no command")
 
 

@@ -2,7 +2,8 @@
 
 `python -m sim.controllers.serve`, started by the launcher. Its agent speaks to it through stdin and
 stdout; all it says is written to a record too, which the launcher keeps whatever becomes of the
-agent. When its agent is gone or silent it ends the action it is at and is off. SIGUSR1 clogs it.
+agent. When its agent is gone or silent it ends the action it is at and is off; then another agent may take
+it to its park. SIGUSR1 clogs it.
 """
 
 from __future__ import annotations
@@ -21,16 +22,18 @@ from agents.messages.event_stream import pack_event
 from agents.running.clock import PrintClock
 from agents.running.port import (
     ALIVE_S,
-    CLOGGED,
+    ABORTED,
     SILENT_S,
     Abort,
     Alive,
     Command,
+    Finish,
     Pause,
     Pipe,
     Ready,
     Release,
     Resume,
+    SILENT,
     Start,
     pack_said,
     write_all,
@@ -55,7 +58,7 @@ class Controller:
         self.number = -1
         self.paused = False
         self.clogs = False  # now
-        self.clogged = False
+        self.aborted = False
         self.alive_at = -float("inf")
 
     def run(self) -> None:
@@ -68,11 +71,11 @@ class Controller:
                     return
                 continue
             if self.clogs and not feeding.off:
-                self.clogs, self.clogged = False, True
+                self.clogs = False
                 self._say(b"".join(map(pack_event, feeding.step(now_s))))
-                self._say(pack_event(feeding.fail(CLOGGED, now_s)))
+                self._say(pack_event(feeding.fail("clogged", now_s)))
             if not self.agent.open or time.monotonic() - self.heard_at > SILENT_S:
-                feeding.end("its agent is gone" if not self.agent.open else "its agent is silent")
+                feeding.end("its agent is gone" if not self.agent.open else SILENT)
             self._say(b"".join(map(pack_event, feeding.step(now_s))))
             if feeding.off and not self.agent.open:
                 return
@@ -95,7 +98,7 @@ class Controller:
     def _take(self, command: Command) -> None:
         feeding, now_s = self.feeding, self.clock.now()
         match command:
-            case Start(number, path, digest) if not self._is_off():
+            case Start(number, path, digest) if not self.aborted:
                 self._start(number, Path(path))
                 self.heard_at = time.monotonic()  # that took a while
                 self._say(pack_said(Ready(number, digest)))
@@ -109,14 +112,12 @@ class Controller:
                 self.paused = False
                 if feeding is not None:
                     feeding.resume(now_s)
+            case Finish(why) if feeding is not None:
+                feeding.end(why)
             case Abort(why) if feeding is not None and not feeding.off:
                 self._say(b"".join(map(pack_event, feeding.step(now_s))))
+                self.aborted = why == ABORTED
                 self._say(pack_event(feeding.fail(why, now_s)))
-
-    def _is_off(self) -> bool:
-        """Whether it does nothing any more; a clogged head still goes to its park."""
-        clogged, self.clogged = self.clogged, False
-        return self.feeding is not None and self.feeding.off and not clogged
 
     def _start(self, number: int, path: Path) -> None:
         """Take a plan in the place of the one before."""

@@ -224,15 +224,13 @@ def _write_events(result: RunResult, path: Path) -> None:
 def figures(result: RunResult) -> dict[str, Any]:
     """Return what `--json` prints."""
     names = result.names
-    length, filament = result.printed_mm
     return {
         "complete": result.complete,
         "makespan_s": result.makespan_s,
         "planned_s": result.planned_s,
         "contours": result.contours,
         "unprinted": result.unprinted,
-        "beads_mm": length,
-        "filament_mm": filament,
+        "beads_mm": result.printed_mm,
         "plans": sum(carried.is_print for carried in result.plans),
         "failures": [
             {

@@ -26,7 +26,7 @@ from agents.networks.meeting import Meeting
 from agents.running.carrier import committed
 from agents.running.clock import PrintClock
 from agents.running.heads import HeadProcesses, Recorded
-from agents.running.port import CLOGGED, SILENT_S, Alive, Ready
+from agents.running.port import ABORTED, SILENT, SILENT_S, Alive, Ready
 from agents.running.report import Reached
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
@@ -50,10 +50,11 @@ from decmcts.print.print_state import Point, PrintState, state_of_heads
 
 CONTROLLER = (sys.executable, "-P", "-m", "sim.controllers.serve")
 START_S = 60.0  # that all processes may take to start
-MORE_S = 10.0  # nominal seconds that heads go on for, besides those of the search
+MORE_S = 30.0  # nominal seconds that heads go on for, besides those of the search
 QUIET_S = 2.0  # without an event, when nobody can be asked any more
 SHOWN_S = 0.25
 WAITING = 1e-6  # pace of the clock until all heads are there
+AGENT, BUS = "its agent was lost", "it lost the bus"
 PERSON = "say `fenced {name} park` or `fenced {name} X,Y,Z` once it is sure to be off"
 
 
@@ -70,6 +71,7 @@ class Standing:
     missing: tuple[int, ...] = ()  # heads its agent does not hear
     pulse_at: float = -math.inf
     agent_gone: str = ""
+    replaced: bool = False  # its agent; that the one before has ended was not heard yet
     controller_gone: str = ""
     at: Point | None = None
     fenced: bool = False
@@ -265,7 +267,7 @@ class Launcher:
                 head.at, self._event_at = event.at, time.monotonic()
                 if event.kind is EventKind.FAILED:
                     self._fail(item.head, event.what)
-                    self._fence(item.head, event.at, parks=event.what == CLOGGED)
+                    self._fence(item.head, event.at, event.what)
                 elif event.kind is EventKind.BEGAN:
                     self._goes_on(carried, event.time_s)
 
@@ -286,6 +288,8 @@ class Launcher:
         match item.line:
             case None if self._is_ending:
                 pass
+            case None if head.replaced:
+                head.replaced = False  # another has taken its place
             case None:
                 process = self.processes[item.head].agent
                 head.agent_gone = process.ending() or "its agent ended"
@@ -313,7 +317,8 @@ class Launcher:
                 self._fail(h, head.controller_gone)
                 self.report(Note(f"{head.name}: {PERSON.format(name=head.name)}"))
             elif head.agent_gone:
-                self._fail(h, f"its agent was lost ({head.agent_gone})")
+                self._fail(h, f"{AGENT} ({head.agent_gone})")
+                self.processes[h].finish(f"{AGENT} ({head.agent_gone})")
 
     def _fail(self, h: int, why: str) -> None:
         """Note that a head prints no more; it may still move."""
@@ -327,13 +332,16 @@ class Launcher:
         self._held.pop(h, None)
         self.report(Note(f"{clock_time(now_s)}: head {head.name} failed: {why}"))
 
-    def _fence(self, h: int, at: Point, *, parks: bool = False) -> None:
+    def _fence(self, h: int, at: Point, why: str = ABORTED) -> None:
         """Make sure that a head does nothing any more but go to its park, if it can do that."""
         head = self.heads[h]
         assert head.failure is not None
-        head.parks = parks
-        if not parks:
+        head.parks = why != ABORTED
+        if not head.parks:
             self.processes[h].kill()
+        elif head.agent_gone or why in (BUS, SILENT):
+            self.processes[h].restart()
+            head.replaced, head.agent_gone = not head.agent_gone, ""
         head.fenced, head.failure.at = True, at
         head.failure.fenced_s = self.clock.now()
         self._unplanned.add(h)
@@ -350,7 +358,7 @@ class Launcher:
                     count[h], count[other] = count[h] + 1, count[other] + 1
         worst = max(living, key=lambda h: (count[h], h), default=None)
         if worst is not None and count[worst]:
-            self._tell(worst, command="abort", why="it lost the bus")
+            self._tell(worst, command="abort", why=BUS)
             for h in living:
                 self.heads[h].missing = ()
 
@@ -487,6 +495,9 @@ class Launcher:
         match news:
             case Parking(_, document):
                 self._announce(document, is_print=False)
+                for head in self.heads:  # there they will stand
+                    if head.parks and head.failure is not None:
+                        head.failure.at = self._park(self.heads.index(head))
             case Renewed(_, document, source, left_out, lines):
                 self._planning, now_s = 0, self.clock.now()
                 self.reason = ""

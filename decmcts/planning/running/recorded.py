@@ -6,7 +6,8 @@ Nothing here asks an agent: a controller's own words are what happened.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,7 +16,7 @@ from agents.running.report import Reached
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ACTION_END, ActionKind, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
-from decmcts.print.print_state import HeadState, Point
+from decmcts.print.print_state import HeadState, Point, length_of, rest_of_line
 from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
 from sim.controllers.nearness import Course, Near, nearness
@@ -91,17 +92,53 @@ class Carried:
         x, y, z = path.tolist()
         return x, y, z
 
-    def printed_mm(self) -> tuple[float, float]:
-        """Return length and filament of all beads that are printed, ends of broken ones left out."""
-        contours, length, filament = self.document.contours, 0.0, 0.0
+    def printed_mm(self) -> float:
+        """Return the length of all that is printed of this plan, broken beads up to their break."""
+        contours, length = self.document.contours, 0.0
+        for c, share in self.printed():
+            rows = slice(int(contours.offsets[c]), int(contours.offsets[c + 1]))
+            steps = np.linalg.norm(np.diff(contours.points[rows], axis=0), axis=1)
+            length += share * float(steps[contours.extrusion[rows][1:] > 0.0].sum())
+        return length
+
+    def printed(self) -> list[tuple[int, float]]:
+        """Return the contours that are printed, and of each which share of its length."""
+        found = list[tuple[int, float]]()
         for place, head in enumerate(self.heads):
-            actions, ended = self.document.plan.heads[place], self.reached.get(head, Reached()).ended
-            for c in actions.contour[:ended][actions.kind[:ended] == ActionKind.PRINT].tolist():
-                rows = slice(int(contours.offsets[c]), int(contours.offsets[c + 1]))
-                steps = np.linalg.norm(np.diff(contours.points[rows], axis=0), axis=1)
-                length += float(steps[contours.extrusion[rows][1:] > 0.0].sum())
-                filament += float(contours.extrusion[rows].sum())
-        return length, filament
+            actions, state = self.document.plan.heads[place], self.state(head)
+            rows = actions.kind[: state.ended] == ActionKind.PRINT
+            found += [(c, 1.0) for c in actions.contour[: state.ended][rows].tolist()]
+            k = state.ended
+            if state.begun and state.is_exact and k < len(actions) and actions.contour[k] >= 0:
+                assert state.at is not None
+                path = actions.action_path(k)
+                point, share = rest_of_line(path, state.point, state.at)
+                done = length_of(path[: point + 1]) + share * length_of(path[point : point + 2])
+                found.append((int(actions.contour[k]), done / max(length_of(path), 1e-9)))
+        return found
+
+
+def segments(document: PlanDocument, contours: Iterable[int]) -> Counter[tuple[float, ...]]:
+    """Count the segments of beads, as files have them, whichever way they run."""
+    found: Counter[tuple[float, ...]] = Counter()
+    given = document.contours
+    for c in contours:
+        rows = slice(int(given.offsets[c]), int(given.offsets[c + 1]))
+        points, laid = np.round(given.points[rows], 3) + 0.0, given.extrusion[rows][1:] > 0.0
+        ends = np.concatenate([points[:-1], points[1:]], axis=1)[laid].tolist()
+        found.update(tuple(row) if row[:3] <= row[3:] else (*row[3:], *row[:3]) for row in ends)
+    return found
+
+
+def printed_twice(plans: Sequence[Carried]) -> int:
+    """Return how many segments of the first plan's contours were printed more often than once."""
+    prints = [carried for carried in plans if carried.is_print]
+    first = prints[0].document
+    due = segments(first, range(len(first.contours)))
+    done: Counter[tuple[float, ...]] = Counter()
+    for carried in prints:
+        done += segments(carried.document, [c for c, share in carried.printed() if share == 1.0])
+    return sum(n - due[key] for key, n in done.items() if key in due and n > due[key])
 
 
 @dataclass(slots=True)

@@ -65,10 +65,9 @@ class RunResult:
         return self.unprinted == 0 and self.contacts == 0
 
     @property
-    def printed_mm(self) -> tuple[float, float]:
-        """Length and filament of all beads that are printed whole, mm."""
-        found = [carried.printed_mm() for carried in self.plans]
-        return sum(x for x, _ in found), sum(x for _, x in found)
+    def printed_mm(self) -> float:
+        """Length of all that is printed, mm."""
+        return sum(carried.printed_mm() for carried in self.plans if carried.is_print)
 
     def logs(self) -> list[EventLog]:
         """Return the events of each plan that prints."""
@@ -84,6 +83,7 @@ def run(
     report: Report = unheard,
     show: Show = unseen,
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None,
+    on_launcher: Callable[[Launcher], None] = lambda _launcher: None,
 ) -> RunResult:
     """Carry a plan out with simulated controllers, two processes a head.
 
@@ -101,6 +101,8 @@ def run(
         Told what happens, and how heads stand.
     on_start : Callable
         Told the process ids of each head's agent and controller, by its name.
+    on_launcher : Callable
+        Told the launcher before it begins, for trials that look at its clock.
 
     Raises
     ------
@@ -117,6 +119,7 @@ def run(
     report(Step("starting agents and controllers"))
     with draft_folder() as folder:
         launcher = Launcher(document, source, options, Path(folder), asked, report, show, on_start)
+        on_launcher(launcher)
         launcher.run()
     report(Step("judging where heads were"))
     plans = tuple(launcher.plans)
