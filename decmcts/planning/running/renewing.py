@@ -47,7 +47,7 @@ class Renewed:
     document: PlanDocument
     source: Source  # it alone, from which it may be planned once more
     left_out: int  # contours that no living head can finish
-    lines: tuple[str, ...]  # what is not as the whole print would be
+    lines: tuple[str, ...]  # what is missing
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def renew(
             cut = Cut.NONE if begin.document.rules is None else Cut(begin.document.rules.cut)
             search = TeamSearch(seconds, seed, cut=cut)
             result = replan(rest, search, rules_of(begin.document), writes=False, report=report)
-            found = tuple(rest.lines)
+            found = tuple(rest.unfinished)
             tell(Renewed(token, result.document, rest.source, int(rest.left.rows.sum()), found))
         except (InputError, VerificationError) as error:
             tell(NotRenewed(token, " ".join(str(error).split()), parked))

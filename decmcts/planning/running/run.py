@@ -62,7 +62,7 @@ class RunResult:
     @property
     def complete(self) -> bool:
         """Whether all is printed, and no heads touched."""
-        return self.unprinted == 0 and self.contacts == 0
+        return self.unprinted == 0 and self.contacts == 0 and not self.left
 
     @property
     def printed_mm(self) -> float:
