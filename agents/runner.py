@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from agents.launching.processes import PREFIX
 from agents.launching.places import remove_left
+from agents.launching.processes import PREFIX
 from agents.loop.pipes import PipeFront
 from agents.networks.lossy import LossyTransport
 from agents.networks.memory import Weather
@@ -59,7 +59,6 @@ class Runner:
         self.carrier = Carrier(given.head, seq=time.time_ns() // 1_000_000)
         self.to, self.controller = given.to, Pipe(given.of)
         os.set_blocking(given.of, False)
-        now = time.monotonic()
         self.heard_at = math.inf  # the controller; it has not said anything yet
         self.peers_at: dict[int, float] = {}
         self.wrote_at = self.told_at = self.stood_at = -float("inf")
@@ -131,7 +130,7 @@ class Runner:
                     self.peers_at[arrival.head] = time.monotonic()
                 except ValueError:
                     continue  # a peer's bad message is dropped
-        if self.carrier.is_starting and self.controller.open:  # a large plan takes a controller seconds
+        if self.carrier.is_starting and self.controller.open:  # a large plan takes it seconds
             self.heard_at = max(self.heard_at, now - SILENT_S + ALIVE_S)
         silent = not self.controller.open or now - self.heard_at > SILENT_S
         if silent and not self.gone and not self.carrier.off:

@@ -227,7 +227,8 @@ def clairvoyant_s(
 def table(rows: list[dict[str, str]]) -> str:
     """Return a line for each print, and one for each kind."""
     head = ["", "runs", "complete", "contacts", "printed twice", "lost mm of complete ones",
-            "÷ clairvoyant", "÷ waiting 30 min", "until heads go on s", "no head did anything s"]  # fmt: skip
+            "÷ clairvoyant", "÷ waiting 30 min", "until heads go on s",
+            "no head did anything s"]  # fmt: skip
     lines = []
     for field in ("print", "kind"):
         for (name,), mine in grouped(rows, field).items():

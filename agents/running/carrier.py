@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from agents.running.port import Abort, Alive, Command, Pause, Ready, Release, Resume, Said, Start
-from agents.running.report import Reached, Report, newer
+from agents.running.report import NOTHING, Reached, Report, newer
 from decmcts.print.plan import HeadActions, JointPlan
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
 
@@ -51,7 +51,7 @@ class Carrier:
     ahead_s: float = 0.0  # nominal seconds of actions that are released ahead
     plans: dict[int, NumberedPlan] = field(default_factory=dict)
     number: int = -1  # of the plan the controller holds
-    reached: Reached = Reached()  # in that plan
+    reached: Reached = NOTHING  # in that plan
     released: int = 0  # actions of it
     limit: int = NO_LIMIT  # up to which it goes on
     limited: int = -1  # number of the plan that `limit` is of
@@ -131,7 +131,7 @@ class Carrier:
 
     @property
     def actions(self) -> HeadActions | None:
-        """This head's actions in the plan the controller holds."""
+        """Actions of this head in the plan the controller holds."""
         held = self.plans.get(self.number)
         return None if held is None else held.of(self.head)
 
@@ -245,9 +245,7 @@ class Carrier:
             return self.released > action  # its own order keeps that
         if head in self.fenced:
             number, reached = self.fenced[head]
-            return number > plan.number or (
-                number == plan.number and reached.passed(action, point)
-            )
+            return number > plan.number or (number == plan.number and reached.passed(action, point))
         report = self.reports.get(head)
         if report is None or report.number < plan.number:
             return False

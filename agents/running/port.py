@@ -1,8 +1,8 @@
 """The port between an agent and the controller of its head: msgpack over two pipes.
 
 To the controller: `start` (which plan, whose actions), `release` (how many of its actions may be
-carried out), `pause`, `resume`, `abort`, `finish`. All are states, not steps: saying one twice changes
-nothing, and `release` is said again and again, which tells that the agent lives. From the
+carried out), `pause`, `resume`, `abort`, `finish`. All are states, not steps: saying one twice
+changes nothing, and `release` is said again and again, which tells that the agent lives. From the
 controller: events (`agents.messages.event_stream`), `ready` behind a `start`, and `alive` all the
 time. A `failed` event is the controller's word that its head is off: it stands at the place the
 event names and moves no more, unless it is told to start a plan by which it goes to its park; one

@@ -50,6 +50,9 @@ class Reached:
         return action == self.ended and point != ACTION_END and self.begun and point <= self.point
 
 
+NOTHING = Reached()
+
+
 @dataclass(frozen=True, slots=True)
 class Report:
     """Where one head stands."""
@@ -58,7 +61,7 @@ class Report:
     seq: int  # a later report has more
     number: int = -1  # of the plan it holds; -1: none yet
     digest: str = ""  # of that plan
-    reached: Reached = Reached()  # in that plan
+    reached: Reached = NOTHING  # in that plan
     event: PrintEvent | None = None  # the last of its controller
     off: bool = False  # it prints no more
 

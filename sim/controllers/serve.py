@@ -2,8 +2,8 @@
 
 `python -m sim.controllers.serve`, started by the launcher. Its agent speaks to it through stdin and
 stdout; all it says is written to a record too, which the launcher keeps whatever becomes of the
-agent. When its agent is gone or silent it ends the action it is at and is off; then another agent may take
-it to its park. SIGUSR1 clogs it.
+agent. When its agent is gone or silent it ends the action it is at and is off; then another agent
+may take it to its park. SIGUSR1 clogs it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ import numpy as np
 from agents.messages.event_stream import pack_event
 from agents.running.clock import PrintClock
 from agents.running.port import (
-    ALIVE_S,
     ABORTED,
+    ALIVE_S,
+    SILENT,
     SILENT_S,
     Abort,
     Alive,
@@ -33,7 +34,6 @@ from agents.running.port import (
     Ready,
     Release,
     Resume,
-    SILENT,
     Start,
     pack_said,
     write_all,

@@ -66,9 +66,7 @@ DelayOption = Annotated[
 ]  # fmt: skip
 ReplanOption = Annotated[
     float,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="S", help="Time of a search for what is left"
-    ),
+    typer.Option(rich_help_panel=opt.SEARCH, metavar="S", help="Time of a search for what is left"),
 ]
 LeftOption = Annotated[
     LeftBeads,
@@ -123,9 +121,7 @@ def run(
         )
     refuse_unwritable([events], plan, *([] if source is None else [source]))
     refuse_stdout(events, "--events")
-    options = RunOptions(
-        speed, timing, error, seed, queue, loss, delay, replan_time, left_beads
-    )
+    options = RunOptions(speed, timing, error, seed, queue, loss, delay, replan_time, left_beads)
     document = read_plan(plan)
     if source is not None and is_mesh(source):
         raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")

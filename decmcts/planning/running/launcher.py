@@ -273,14 +273,13 @@ class Launcher:
 
     def _goes_on(self, carried: Carried, time_s: float) -> None:
         """Note when heads began the rest that was planned behind failures."""
+        is_rest = carried.is_print and carried.number == len(self.plans) - 1
         for failure in self.failures:
-            planned = not math.isnan(failure.planned_s)
-            if planned and math.isnan(failure.on_s) and carried.is_print:
-                if carried.number == len(self.plans) - 1:
-                    ended = [e.time_s for p in self.plans[:-1] for e in p.events
-                             if e.kind is EventKind.ENDED]  # fmt: skip
-                    failure.on_s = time_s
-                    failure.stood_s = max(0.0, time_s - max(ended, default=time_s))
+            if not math.isnan(failure.planned_s) and math.isnan(failure.on_s) and is_rest:
+                ended = [e.time_s for p in self.plans[:-1] for e in p.events
+                         if e.kind is EventKind.ENDED]  # fmt: skip
+                failure.on_s = time_s
+                failure.stood_s = max(0.0, time_s - max(ended, default=time_s))
 
     def _take_agent(self, item: AgentSaid) -> None:
         head, now = self.heads[item.head], time.monotonic()
@@ -388,7 +387,7 @@ class Launcher:
         plan = carried.document.plan
         whole = committed(plan, least, stopped, math.inf)
         state = self._state(carried, whole)
-        if state.done.all() or not carried.is_print and self._is_all_printed():
+        if state.done.all() or (not carried.is_print and self._is_all_printed()):
             self._limit(carried, whole)
             self._unplanned.clear()
             return
@@ -600,9 +599,7 @@ class Launcher:
         return False
 
     def _has_done(self, h: int, before: int | None = None) -> bool:
-        """Tell whether a head has done its share of the last plan (before one), by its controller's
-        word.
-        """
+        """Tell whether a head has done its share of the last plan it is in (before one)."""
         last = [p for p in self.plans[:before] if h in p.heads][-1]
         return last.reached.get(h, Reached()).ended >= last.count(h)
 

@@ -52,6 +52,9 @@ class RunOptions:
                 raise InputError(f"{name} is {value:g}, must be from 0 to {most:g}")
 
 
+RUN_OPTIONS = RunOptions()
+
+
 @dataclass(slots=True)
 class Failure:
     """A head that failed, and when what followed; seconds of the print."""

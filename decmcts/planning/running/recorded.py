@@ -1,7 +1,6 @@
-"""What the controllers of a run said, plan by plan, and what follows: where heads were, what is
-printed, who waited.
+"""What the controllers of a run said, plan by plan.
 
-Nothing here asks an agent: a controller's own words are what happened.
+What follows from it: where heads were, what is printed, who waited. Nothing here asks an agent: a controller's own words are what happened.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
 from sim.controllers.nearness import Course, Near, nearness
 from sim.controllers.program import Floats
-
 
 LEAST_WAIT_S = 0.05
 
@@ -182,7 +180,9 @@ def _moved(work: Work, action: int, begin_s: float, end_s: float) -> tuple[Float
     return points, np.array(columns)
 
 
-def _broken(points: Floats, columns: Floats, point: int, at: Point, end_s: float) -> tuple[Floats, Floats]:
+def _broken(
+    points: Floats, columns: Floats, point: int, at: Point, end_s: float
+) -> tuple[Floats, Floats]:
     """Return the moves of an action up to where the head stopped."""
     points = np.concatenate([points[: point + 1], [at]])
     begin_s = float(columns[1, point - 1]) if point else float(columns[0, 0])
@@ -220,16 +220,12 @@ def course_of(
             elif event.kind is EventKind.FAILED and begun is not None:
                 ends = work.ends(begun.action)
                 if len(ends):
-                    whole = _moved(
-                        work, begun.action, begun.time_s, begun.time_s + float(ends[-1])
-                    )
+                    whole = _moved(work, begun.action, begun.time_s, begun.time_s + float(ends[-1]))
                     point = min(event.point, len(ends) - 1)
                     moves.add(*_broken(*whole, point, event.at, event.time_s))
                 begun = None
         if begun is not None and len(ends := work.ends(begun.action)):
-            moves.add(
-                *_moved(work, begun.action, begun.time_s, begun.time_s + float(ends[-1]))
-            )
+            moves.add(*_moved(work, begun.action, begun.time_s, begun.time_s + float(ends[-1])))
     if head in moved:
         time_s, to = moved[head]
         moves.jump(np.array(to), time_s)
@@ -259,9 +255,7 @@ def waits_of(carried: Carried) -> list[Wait]:
             stood_s = event.time_s - float(before_s[event.action]) - last_s
             if stood_s > LEAST_WAIT_S:
                 by = max(others, key=lambda e: passed.get((e.head, e.action, e.point), 0.0)).head
-                began = PrintEvent(
-                    EventKind.WAITS, place, last_s, event.action, 0, event.at, by=by
-                )
+                began = PrintEvent(EventKind.WAITS, place, last_s, event.action, 0, event.at, by=by)
                 heads = carried.heads
                 found.append(Wait(carried.number, heads[place], heads[by], stood_s, began))
     return found

@@ -89,4 +89,3 @@ def renew(
     thread = threading.Thread(target=work, name="renew", daemon=True)
     thread.start()
     return thread
-

@@ -13,7 +13,7 @@ from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.rest import refuse_other
 from decmcts.planning.running.launcher import Launcher
-from decmcts.planning.running.options import Failure, RunOptions, Show, unseen
+from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
 from decmcts.planning.running.recorded import Carried, Wait, nearest, waits_of
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventLog
@@ -77,7 +77,7 @@ class RunResult:
 def run(
     document: PlanDocument,
     source: Source | None = None,
-    options: RunOptions = RunOptions(),
+    options: RunOptions = RUN_OPTIONS,
     *,
     asked: queue.Queue[str | None] | None = None,
     report: Report = unheard,
