@@ -3,8 +3,9 @@
     python benchmarks/runs.py [--prints plate,part:2,…] [--failures 200] [--lossy 50]
         [--time-limit 3] [--speed 100]
 
-Prints: `plate` ships with the project, `part:N` is a plate with holes cut for N heads on one rail,
-`towers` are eight small ones; other names are plates of the corpus. Every failure has a
+Prints: `towers:N` are four small towers for each of N heads on one rail, `slab` is one block that
+two heads share, `part:N` a plate with holes for N heads, `plate` ships with the project; other
+names are plates of the corpus. Every failure has a
 kind, a head and a moment drawn from its number. A person says that a head is off, and puts it to
 its park, 60 s of the print after a controller was lost, or after the rest could not be planned.
 Clairvoyant: when the print had ended had the rest been planned at once at the moment of the
@@ -28,11 +29,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from common import Rows, arguments, grouped, markdown, median, names, setting
 from shared_by_many import source_for
 from team_prints import plate_path
 
 from decmcts.errors import InputError, VerificationError
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Event, Note
 from decmcts.planning.launch import launch
 from decmcts.planning.options import Limits, TeamSearch
@@ -66,23 +71,40 @@ PERSON_S = 60.0  # after which somebody is there
 REPAIR_S = 1800.0  # after which a person who repairs has done so
 LOSS, DELAY_S = 0.2, 0.5
 ROWS_MM = (100.0, 145.0)
-PRINTS = "towers,part:2,part:3,part:4,plate"
+SLAB_MM = (200.0, 60.0, 0.8)
+PRINTS = "towers:2,slab,towers:3,towers:4,plate"
 
 
 @cache
 def planned(name: str, limit_s: float) -> tuple[PlanDocument, Source]:
     """Return a plan and its source."""
     word, _, count = name.partition(":")
+    folder = Path(tempfile.mkdtemp(prefix="decmcts-runs-"))
     if word == "part":
         source = source_for(int(count))
+    elif word == "slab":
+        slab = trimesh.creation.box(SLAB_MM)
+        slab.apply_translation((150.0, 150.0, SLAB_MM[2] / 2.0))
+        slab.export(folder / "slab.stl")
+        source = read(folder / "slab.stl", "dual-gantry", mesh=SliceOptions(center=None))
     elif word == "towers":
-        path = Path(tempfile.mkdtemp(prefix="decmcts-towers-")) / "towers.gcode"
-        path.write_text(made_gcode([(x, y) for x in (60.0, 105.0, 195.0, 240.0) for y in ROWS_MM]))
-        source = read(path, "dual-gantry", limits=Limits.MACHINE)
+        pair, heads = load_machine("dual-gantry"), int(count)
+        machine = pair if heads == 2 else rail_machine(pair, heads)
+        low, high = machine.bed_min[0] + 60.0, machine.bed_max[0] - 60.0
+        centres = [(x, y) for x in np.linspace(low, high, 2 * heads) for y in ROWS_MM]
+        path = folder / "towers.gcode"
+        path.write_text(_without_skirt(made_gcode(centres)))
+        source = read(path, machine, limits=Limits.MACHINE)
     else:
         source = read(plate_path(name), "dual-gantry", limits=Limits.MACHINE)
     result = launch(source, TeamSearch(limit_s), writes=False)
     return result.document, replace(source, machine=result.document.machine)
+
+
+def _without_skirt(text: str) -> str:
+    """Return G-code without its skirt, which no head of several reaches all of."""
+    begin = text.index(";TYPE:Skirt/Brim")
+    return text[:begin] + text[text.index(";LAYER_CHANGE", begin) :]
 
 
 class Fault:

@@ -116,5 +116,6 @@ def _document(
     none = np.empty(0, np.int64)
     return replace(
         document, machine=machine, contours=taken(document.contours, none),
-        plan=JointPlan(tuple(heads)), precedence=np.empty((0, 2), np.int32), metrics=Metrics(), acceleration=None, printed=None,
+        plan=JointPlan(tuple(heads)), precedence=np.empty((0, 2), np.int32), metrics=Metrics(),
+        acceleration=None, printed=None,
     )  # fmt: skip

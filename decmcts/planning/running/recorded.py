@@ -1,6 +1,7 @@
 """What the controllers of a run said, plan by plan.
 
-What follows from it: where heads were, what is printed, who waited. Nothing here asks an agent: a controller's own words are what happened.
+What follows from it: where heads were, what is printed, who waited. Nothing here asks an agent: a
+controller's own words are what happened.
 """
 
 from __future__ import annotations
