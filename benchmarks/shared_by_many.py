@@ -29,8 +29,8 @@ from decmcts.formats.machines.rail_family import rail_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import RULES, Cut, Limits, TeamSearch
-from decmcts.planning.problem.print_problem import PrintProblem, problem_of
-from decmcts.planning.problem.source import read_source
+from decmcts.planning.problem.print_problem import problem_of
+from decmcts.planning.problem.source import Source, read_source
 from decmcts.planning.team.pipeline import plan_team
 
 KEY = ("heads", "cut", "limit_s", "seed")
@@ -41,8 +41,8 @@ BED_MM, DEEP_MM = 1200.0, 300.0
 
 
 @cache
-def problem_for(heads: int) -> PrintProblem:
-    """Return the print on a rail of so many heads."""
+def source_for(heads: int) -> Source:
+    """Return the part on a rail of so many heads."""
     part = trimesh.creation.box(PART_MM)
     holes = []
     for k in range(int(PART_MM[0] / APART_MM)):
@@ -55,15 +55,14 @@ def problem_for(heads: int) -> PrintProblem:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "part.stl"
         whole.export(path)
-        source = read_source(
+        return read_source(
             path, machine, limits=Limits.SOURCE, mesh=SliceOptions(center=None), report=unheard
         )
-    return problem_of(source, RULES, unheard)
 
 
 def run(key: dict[str, Any]) -> dict[str, Any]:
     """Plan the part; a plan that the judge refuses is an error."""
-    problem = problem_for(key["heads"])
+    problem = problem_of(source_for(key["heads"]), RULES, unheard)
     search = TeamSearch(key["limit_s"], seed=key["seed"], cut=Cut(key["cut"]))
     began = time.perf_counter()
     try:

@@ -45,9 +45,17 @@ class AgentProcess:
         What to run.
     heard : queue.Queue
         Where the lines it writes are put, as `Said`.
+    inherits : sequence of int
+        Descriptors it has from us, by the same numbers.
     """
 
-    def __init__(self, head: int, command: Sequence[str], heard: queue.Queue[Said]) -> None:
+    def __init__(
+        self,
+        head: int,
+        command: Sequence[str],
+        heard: queue.Queue[Said],
+        inherits: Sequence[int] = (),
+    ) -> None:
         self.head = head
         self._errors: BinaryIO = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `reap`
         self._process = subprocess.Popen(
@@ -56,6 +64,7 @@ class AgentProcess:
             stdout=subprocess.PIPE,
             stderr=self._errors,
             start_new_session=True,
+            pass_fds=inherits,
         )
         # Daemon: a reader stuck on a pipe must not keep a crashed launcher alive.
         self._reader = threading.Thread(target=self._read, args=(heard,), daemon=True)

@@ -50,8 +50,14 @@ LEAVE_S = 3.0
 class PipeFront:
     """A front end over file descriptors."""
 
-    def __init__(self, read_fd: int = 0, write_fd: int = 1) -> None:
+    def __init__(
+        self,
+        read_fd: int = 0,
+        write_fd: int = 1,
+        parse: Callable[[bytes], Any] | None = None,
+    ) -> None:
         self._read_fd, self._write_fd = read_fd, write_fd
+        self._parse = parse_command if parse is None else parse  # of lines of another launcher
         self._rest = b""
         self._open = True
         self._asked: list[Event | Meet] = []
@@ -137,7 +143,7 @@ class PipeFront:
     def _take(self, chunk: bytes) -> None:
         """Take the commands of all lines that are complete."""
         *lines, self._rest = (self._rest + chunk).split(b"\n")
-        self._asked += [event for line in lines if (event := parse_command(line))]
+        self._asked += [event for line in lines if (event := self._parse(line))]
 
     def ready(self, problem: str) -> None:
         """Say that the problem is loaded and the network open."""

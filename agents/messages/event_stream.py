@@ -47,7 +47,7 @@ def unpack_event(payload: bytes) -> PrintEvent:
     if len(payload) > MOST_BYTES:
         raise ValueError(f"{len(payload)} bytes are more than an event has")
     try:
-        return _event(_unpacker(payload).unpack())
+        return event_of(_unpacker(payload).unpack())
     except (msgpack.UnpackException, UnicodeDecodeError) as error:
         raise ValueError(f"no event ({error})") from error
 
@@ -82,7 +82,7 @@ def read_events(path: Path) -> EventLog:
 def _events(unpacker: Any, heads: int) -> Iterator[PrintEvent]:
     while True:
         try:
-            event = _event(unpacker.unpack())
+            event = event_of(unpacker.unpack())
         except msgpack.OutOfData:
             return
         if not event.head < heads or not event.by < heads:
@@ -113,7 +113,8 @@ def _header(found: Any) -> tuple[str, tuple[str, ...]]:
     return problem, tuple(heads)
 
 
-def _event(found: Any) -> PrintEvent:
+def event_of(found: Any) -> PrintEvent:
+    """Return the event that an array is; raises ValueError for anything else."""
     if not isinstance(found, list) or len(found) != 9:
         raise ValueError("an event has nine fields")
     kind, head, time_s, action, point, at, by, line, what = found

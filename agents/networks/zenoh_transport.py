@@ -92,6 +92,8 @@ class ZenohTransport:
     on_shut : callable
         Told, once for each set of places, that ours cannot be opened. It is tried again and
         again, until there are other places. None: raise `InputError` instead.
+    kinds : sequence of str
+        What is listened to.
     """
 
     def __init__(
@@ -103,7 +105,9 @@ class ZenohTransport:
         *,
         on_drop: Callable[[str], None] = lambda reason: None,
         on_shut: Callable[[str], None] | None = None,
+        kinds: Sequence[str] = tuple(KINDS.values()),
     ) -> None:
+        self._kinds = tuple(kinds)
         self._seal, self._keys = seal, Keys(seal)
         self._head = head
         self._epoch = epoch
@@ -141,7 +145,7 @@ class ZenohTransport:
                     session.declare_subscriber(
                         self._keys.all_messages(kind), zenoh.handlers.RingChannel(self._ring)
                     )
-                    for kind in KINDS.values()
+                    for kind in self._kinds
                 ]
                 self._alive = session.liveliness().declare_subscriber(
                     self._keys.all_alive, zenoh.handlers.RingChannel(TOKENS), history=True

@@ -7,6 +7,7 @@ does not allow.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -122,6 +123,17 @@ def state_of_events(document: PlanDocument, log: EventLog) -> PrintState:
     for event in log.events:
         heads[event.head] = _after(heads[event.head], event, document.plan.heads[event.head])
     _refuse_waits(document, heads)
+    return state_of_heads(document, heads)
+
+
+def state_of_heads(document: PlanDocument, heads: Sequence[HeadState]) -> PrintState:
+    """Return the state in which heads of a plan, in its order, have come so far.
+
+    Raises
+    ------
+    InputError
+        For what the order of the plan does not allow.
+    """
     done = np.zeros(len(document.contours), np.bool_)
     broken = []
     for h, (state, actions) in enumerate(zip(heads, document.plan.heads, strict=True)):

@@ -153,9 +153,13 @@ def check_living(ours: Machine, fenced: Fenced) -> list[Fault]:
 
 
 def _lessened(head: Head, ours: Head) -> Head:
-    """Return a head with our reach, where that is no larger."""
-    within = all(a <= b for a, b in zip(head.reach_min, ours.reach_min, strict=True))
-    within &= all(a <= b for a, b in zip(ours.reach_max, head.reach_max, strict=True))
+    """Return a head with our reach, where that is no larger, or is empty along an axis."""
+    within = all(
+        (a <= low and high <= b) or low == high
+        for a, low, high, b in zip(
+            head.reach_min, ours.reach_min, ours.reach_max, head.reach_max, strict=True
+        )
+    )
     return replace(head, reach_min=ours.reach_min, reach_max=ours.reach_max) if within else head
 
 

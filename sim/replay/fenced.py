@@ -33,7 +33,7 @@ def check_fenced(document: PlanDocument) -> list[Fault]:
     for name, head in gone.items():
         for mine in document.machine.heads:
             moves = _moves(mine, given.get(mine.name))
-            met += _met(whole, mine, moves, head, at[name])
+            met += head_meets(whole, mine, moves, head, at[name])
         within += _printed_into(document, head, at[name])
     return [*listed(FaultKind.HEAD_HEAD, met), *listed(FaultKind.HEAD_MATERIAL, within)]
 
@@ -45,7 +45,7 @@ def _moves(head: Head, actions: HeadActions | None) -> NDArray[np.float64]:
     return moves_of(actions, head.park)[0]
 
 
-def _met(
+def head_meets(
     machine: Machine, mine: Head, moves: NDArray[np.float64], gone: Head, place: Point
 ) -> list[str]:
     """Say in which moves a head comes nearer to a fenced one than it may."""

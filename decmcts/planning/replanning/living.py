@@ -110,8 +110,10 @@ def _cut(head: Head, gone: Head, axis: int, limit: float, *, upwards: bool) -> H
     low, high = list(head.reach_min), list(head.reach_max)
     if upwards:
         low[axis] = max(low[axis], limit)
+        high[axis] = max(high[axis], limit)  # one that reaches nothing there stays where it parks
     else:
         high[axis] = min(high[axis], limit)
+        low[axis] = min(low[axis], limit)
     return replace(
         head, reach_min=(low[0], low[1], low[2]), reach_max=(high[0], high[1], high[2])
     )  # fmt: skip

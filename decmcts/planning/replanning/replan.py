@@ -71,13 +71,27 @@ class Rest:
     @property
     def lines(self) -> list[str]:
         """A line for whatever is not as the whole print would be."""
-        said = [self.missing] if self.missing else []
-        for one in self.broken:
-            end = f"the last {one.missing_mm:.1f} mm at most of it are missing"
-            if one.rest and not self.left.rows[one.contour]:
-                end = f"its last {one.missing_mm:.1f} mm are printed"
-            said.append(f"head {one.head} broke off within contour {one.contour}: {end}")
-        return said
+        finished = [
+            f"{_broke(one)}: its last {one.missing_mm:.1f} mm are printed"
+            for one in self.broken if self._is_finished(one)
+        ]  # fmt: skip
+        return [*self.unfinished, *finished]
+
+    @property
+    def unfinished(self) -> list[str]:
+        """A line for whatever is missing."""
+        found = [self.missing] if self.missing else []
+        return found + [
+            f"{_broke(one)}: the last {one.missing_mm:.1f} mm at most of it are missing"
+            for one in self.broken if not self._is_finished(one)
+        ]  # fmt: skip
+
+    def _is_finished(self, one: Broken) -> bool:
+        return bool(one.rest) and not self.left.rows[one.contour]
+
+
+def _broke(one: Broken) -> str:
+    return f"head {one.head} broke off within contour {one.contour}"
 
 
 def rest_of(

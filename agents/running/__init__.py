@@ -1,0 +1,1 @@
+"""A plan carried out: what the agent of each head does while it prints."""

@@ -1,0 +1,328 @@
+"""Prints carried out by real processes while heads fail at random moments, and over lossy networks.
+
+    python benchmarks/runs.py [--prints plate,part:2,…] [--failures 200] [--lossy 50]
+        [--time-limit 3] [--speed 100]
+
+Prints: `towers:N` are four small towers for each of N heads on one rail, `slab` is one block that
+two heads share, `part:N` a plate with holes for N heads, `plate` ships with the project; other
+names are plates of the corpus. Every failure has a
+kind, a head and a moment drawn from its number. A person says that a head is off, and puts it to
+its park, 60 s of the print after a controller was lost, or after the rest could not be planned.
+Clairvoyant: when the print had ended had the rest been planned at once at the moment of the
+failure, with no time for noticing and planning. Writes docs/results/runs.csv (resumable) and
+runs.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import queue
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from common import Rows, arguments, grouped, markdown, median, names, setting
+from shared_by_many import source_for
+from team_prints import plate_path
+
+from decmcts.errors import InputError, VerificationError
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.events import Event, Note
+from decmcts.planning.launch import launch
+from decmcts.planning.options import Limits, TeamSearch
+from decmcts.planning.problem.source import Source
+from decmcts.planning.read import read
+from decmcts.planning.replanning.replan import replan, rest_of, rules_of
+from decmcts.planning.running.launcher import Launcher
+from decmcts.planning.running.options import RunOptions
+from decmcts.planning.running.recorded import Carried, printed_twice
+from decmcts.planning.running.run import RunResult
+from decmcts.planning.running.run import run as carry_out
+from decmcts.print.plan import PlanDocument
+from decmcts.print.print_state import state_of_heads
+from sim.experiments.made_print import made_gcode
+
+KEY = ("print", "kind", "number", "limit_s", "speed")
+FIGURES = (
+    "heads", "head", "share", "planned_s", "makespan_s", "complete", "unprinted", "contacts",
+    "twice", "lost_mm", "clairvoyant", "waiting", "noticed_s", "fenced_s", "on_s", "stood_s",
+    "reason", "wall_s", "error",
+)  # fmt: skip
+KINDS = ("clog", "agent killed", "controller killed", "controller hangs", "agent hangs", "bus lost")
+SIGNALS = {  # of which process
+    "clog": ("controller", signal.SIGUSR1), "agent killed": ("agent", signal.SIGKILL),
+    "controller killed": ("controller", signal.SIGKILL),
+    "controller hangs": ("controller", signal.SIGSTOP), "agent hangs": ("agent", signal.SIGSTOP),
+    "bus lost": ("agent", signal.SIGUSR2),
+}  # fmt: skip
+LOSSY = "lossy"
+PERSON_S = 60.0  # after which somebody is there
+REPAIR_S = 1800.0  # after which a person who repairs has done so
+LOSS, DELAY_S = 0.2, 0.5
+ROWS_MM = (100.0, 145.0)
+SLAB_MM = (200.0, 60.0, 0.8)
+PRINTS = "towers:2,slab,towers:3,towers:4,plate"
+
+
+@cache
+def planned(name: str, limit_s: float) -> tuple[PlanDocument, Source]:
+    """Return a plan and its source."""
+    word, _, count = name.partition(":")
+    folder = Path(tempfile.mkdtemp(prefix="decmcts-runs-"))
+    if word == "part":
+        source = source_for(int(count))
+    elif word == "slab":
+        slab = trimesh.creation.box(SLAB_MM)
+        slab.apply_translation((150.0, 150.0, SLAB_MM[2] / 2.0))
+        slab.export(folder / "slab.stl")
+        source = read(folder / "slab.stl", "dual-gantry", mesh=SliceOptions(center=None))
+    elif word == "towers":
+        pair, heads = load_machine("dual-gantry"), int(count)
+        machine = pair if heads == 2 else rail_machine(pair, heads)
+        low, high = machine.bed_min[0] + 60.0, machine.bed_max[0] - 60.0
+        centres = [(x, y) for x in np.linspace(low, high, 2 * heads) for y in ROWS_MM]
+        path = folder / "towers.gcode"
+        path.write_text(_without_skirt(made_gcode(centres)))
+        source = read(path, machine, limits=Limits.MACHINE)
+    else:
+        source = read(plate_path(name), "dual-gantry", limits=Limits.MACHINE)
+    result = launch(source, TeamSearch(limit_s), writes=False)
+    return result.document, replace(source, machine=result.document.machine)
+
+
+def _without_skirt(text: str) -> str:
+    """Return G-code without its skirt, which no head of several reaches all of."""
+    begin = text.index(";TYPE:Skirt/Brim")
+    return text[:begin] + text[text.index(";LAYER_CHANGE", begin) :]
+
+
+class Fault:
+    """What goes wrong once in a run, and the person who comes then."""
+
+    def __init__(self, kind: str, head: str, at_s: float) -> None:
+        self.kind, self.head, self.at_s = kind, head, at_s
+        self.asked: queue.Queue[str | None] = queue.Queue()
+        self.refused = threading.Event()
+        self.over = threading.Event()
+        self.pids: Mapping[str, tuple[int, int]] = {}
+        self.launcher: Launcher | None = None
+
+    def report(self, event: Event) -> None:
+        """Take a note of the run."""
+        if isinstance(event, Note) and "is not planned" in event.text:
+            self.refused.set()
+
+    def start(self, pids: Mapping[str, tuple[int, int]]) -> None:
+        """Begin to wait for the moment."""
+        self.pids = pids
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def until(self, time_s: float) -> bool:
+        """Wait for a time of the print; False if the run ended before."""
+        assert self.launcher is not None
+        while self.launcher.clock.now() < time_s:
+            if self.over.wait(0.005):
+                return False
+        return True
+
+    def _work(self) -> None:
+        if self.kind == LOSSY or not self.until(self.at_s):
+            self.asked.put(None)
+            return
+        process, number = SIGNALS[self.kind]
+        agent, controller = self.pids[self.head]
+        os.kill(agent if process == "agent" else controller, number)
+        if self.kind.startswith("controller"):
+            self.until(self.at_s + PERSON_S)
+            self.asked.put(f"fenced {self.head} park")
+        while not self.over.wait(0.01):
+            if self.refused.is_set():
+                assert self.launcher is not None
+                self.until(self.launcher.clock.now() + PERSON_S)
+                self.asked.put(f"fenced {self.head} park")
+                break
+        self.asked.put(None)
+
+
+def run(key: dict[str, Any]) -> dict[str, Any]:
+    """Carry a plan out, with its fault."""
+    document, source = planned(key["print"], key["limit_s"])
+    rng = np.random.default_rng([key["number"], (*KINDS, LOSSY).index(key["kind"])])
+    head = document.plan.heads[int(rng.integers(len(document.plan.heads)))].head
+    share = float(rng.uniform(0.02, 0.95))
+    fault = Fault(key["kind"], head, share * document.plan.makespan_s)
+    lossy = key["kind"] == LOSSY
+    options = RunOptions(
+        key["speed"], seed=key["number"], loss=LOSS if lossy else 0.0,
+        delay_s=DELAY_S if lossy else 0.0, replan_s=key["limit_s"],
+    )  # fmt: skip
+    began = time.perf_counter()
+    try:
+        result = carry_out(
+            document, source, options, asked=fault.asked, report=fault.report,
+            on_start=fault.start, on_launcher=lambda launcher: setattr(fault, "launcher", launcher),
+        )  # fmt: skip
+    except (InputError, VerificationError) as error:
+        return {**key, **dict.fromkeys(FIGURES, ""), "error": str(error)}
+    finally:
+        fault.over.set()
+    wall = time.perf_counter() - began
+    return {**key, **_figures(document, source, result, key, head, share), "wall_s": round(wall, 1)}
+
+
+def _figures(
+    document: PlanDocument, source: Source, result: RunResult, key: dict[str, Any], head: str,
+    share: float,
+) -> dict[str, Any]:  # fmt: skip
+    due = _length(document)
+    found: dict[str, Any] = {
+        **dict.fromkeys(FIGURES, ""),
+        "heads": len(document.plan.heads), "head": head, "share": round(share, 3),
+        "planned_s": round(result.planned_s, 1), "makespan_s": round(result.makespan_s, 1),
+        "complete": int(result.unprinted == 0), "unprinted": result.unprinted,
+        "contacts": result.contacts, "twice": printed_twice(result.plans),
+        "lost_mm": round(due - result.printed_mm, 1), "reason": result.reason,
+    }  # fmt: skip
+    if key["kind"] == LOSSY:
+        return {**found, "clairvoyant": round(result.makespan_s / result.planned_s, 4)}
+    if not result.failures:
+        return found
+    failure = result.failures[0]
+    for name in ("noticed_s", "fenced_s", "on_s"):
+        found[name] = round(getattr(failure, name) - failure.at_s, 2)
+    found["stood_s"] = round(failure.stood_s, 2)
+    ended = clairvoyant_s(document, source, result, key)
+    if ended is not None and not result.unprinted:
+        found["clairvoyant"] = round(result.makespan_s / ended, 4)
+    if not result.unprinted:
+        found["waiting"] = round(result.makespan_s / (result.planned_s + REPAIR_S), 4)
+    return found
+
+
+def _length(document: PlanDocument) -> float:
+    contours, length = document.contours, 0.0
+    for c in range(len(contours)):
+        rows = slice(int(contours.offsets[c]), int(contours.offsets[c + 1]))
+        steps = np.linalg.norm(np.diff(contours.points[rows], axis=0), axis=1)
+        length += float(steps[contours.extrusion[rows][1:] > 0.0].sum())
+    return length
+
+
+def clairvoyant_s(
+    document: PlanDocument, source: Source, result: RunResult, key: dict[str, Any]
+) -> float | None:
+    """Return when the print had ended, had the rest been planned at once; None: it cannot be."""
+    failure, first = result.failures[0], result.plans[0]
+    then = Carried(0, document, first.heads, True)
+    for event in first.events:
+        if event.time_s <= failure.at_s:
+            then.take(first.heads[event.head], event)
+    gone = result.names.index(failure.head)
+    states = []
+    for h in then.heads:
+        state = then.state(h)
+        if h != gone:  # what it is at it ends
+            state = replace(state, ended=state.ended + state.begun, begun=False, point=0)
+        states.append(state)
+    parks = {head.name: head.park for head in document.machine.heads}
+    place = parks[failure.head] if failure.at is None else failure.at
+    try:
+        rest = rest_of(document, source, state_of_heads(document, states), {failure.head: place})
+        again = replan(rest, TeamSearch(key["limit_s"], key["number"]), rules_of(document),
+                       writes=False)  # fmt: skip
+    except (InputError, VerificationError):
+        return None
+    return float(failure.at_s + again.document.plan.makespan_s)
+
+
+def table(rows: list[dict[str, str]]) -> str:
+    """Return a line for each print, and one for each kind."""
+    head = ["", "runs", "complete", "contacts", "printed twice", "lost mm of complete ones",
+            "÷ clairvoyant", "÷ waiting 30 min", "until heads go on s",
+            "no head did anything s"]  # fmt: skip
+    lines = []
+    for field in ("print", "kind"):
+        for (name,), mine in grouped(rows, field).items():
+            lines.append([name, *_line(mine)])
+    return markdown([*lines, ["all", *_line([row for row in rows if not row["error"]])]], head)
+
+
+def _line(mine: list[dict[str, str]]) -> list[str]:
+    whole = [row for row in mine if row["complete"] == "1"]
+
+    def middle(field: str, digits: int) -> str:
+        there = [row for row in mine if row[field] not in ("", "nan")]
+        return f"{median(there, field):.{digits}f}" if there else ""
+
+    lost = max((abs(float(row["lost_mm"])) for row in whole), default=0.0)
+    return [
+        str(len(mine)), str(len(whole)), str(sum(int(row["contacts"]) for row in mine)),
+        str(sum(int(row["twice"]) for row in mine)), f"{lost:.1f}", middle("clairvoyant", 3),
+        middle("waiting", 2), middle("on_s", 1), middle("stood_s", 1),
+    ]  # fmt: skip
+
+
+PAGE = """# Prints carried out while heads fail
+
+{said}
+
+Repeat: `python benchmarks/runs.py`. Real processes: an agent and a simulated controller a head,
+zenoh between agents. While the rest is planned the print's clock runs as the world's. Medians;
+÷ clairvoyant and ÷ waiting are of complete prints. Until heads go on: from the failure's last word
+to the first action of the new plan; meanwhile living heads carry out what every plan contains.
+
+{failures}
+## Over lossy networks
+
+{loss:.0%} of all messages lost, the others up to {delay} s of the print late, a tenth doubled.
+÷ clairvoyant is here the makespan ÷ the plan's.
+
+{lossy}
+{failed}"""
+
+
+def report(rows: Rows, said: str) -> str:
+    """Return the page."""
+    lossy = [row for row in rows.rows if row["kind"] == LOSSY]
+    failures = [row for row in rows.rows if row["kind"] != LOSSY]
+    return PAGE.format(
+        said=said, failures=table(failures) if failures else "", loss=LOSS, delay=DELAY_S,
+        lossy=table(lossy) if lossy else "", failed=rows.failures(),
+    )  # fmt: skip
+
+
+def main() -> None:
+    parser = arguments(__doc__, time_limit=3.0, models="")
+    parser.add_argument("--prints", type=names, default=names(PRINTS))
+    parser.add_argument("--failures", type=int, default=200)
+    parser.add_argument("--lossy", type=int, default=50)
+    parser.add_argument("--speed", type=float, default=100.0)
+    options: argparse.Namespace = parser.parse_args()
+    rows = Rows(options.results / "runs.csv", KEY)
+    todo = [(options.prints[n % len(options.prints)], KINDS[n // len(options.prints) % len(KINDS)],
+             n) for n in range(options.failures)]  # fmt: skip
+    todo += [(options.prints[n % len(options.prints)], LOSSY, n) for n in range(options.lossy)]
+    for name, kind, n in todo:
+        key = dict(zip(KEY, (name, kind, n, options.time_limit, options.speed), strict=True))
+        if options.table_only or rows.has(**key):
+            continue
+        rows.append(run(key))
+        print(rows.rows[-1], flush=True)
+    said = setting(note=options.note, time_limit=f"{options.time_limit:g} s",
+                   speed=f"{options.speed:g}")  # fmt: skip
+    (options.results / "runs.md").write_text(report(rows, said))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,294 @@
+"""`decmcts run`: a plan carried out by an agent and a controller a head."""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+from pathlib import Path
+from queue import Queue
+from typing import Annotated, Any
+
+import typer
+from rich.live import Live
+from rich.table import Table
+
+from agents.messages.event_stream import stream_of
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.commands.simulate import ErrorOption, QueueOption, TimingOption
+from decmcts.cli.console import err, out, print_json, steps
+from decmcts.errors import InputError
+from decmcts.formats.mesh import SliceOptions, is_mesh
+from decmcts.formats.plans.plan_json import read_plan, write_plan
+from decmcts.planning.events import Event, Note, Step
+from decmcts.planning.options import Limits
+from decmcts.planning.read import read
+from decmcts.planning.replanning.rest import LeftBeads
+from decmcts.planning.running.options import Failure, RunOptions, RunView
+from decmcts.planning.running.run import RunResult
+from decmcts.planning.running.run import run as carry_out
+from decmcts.planning.writing.places import put, refuse_stdout, refuse_unwritable
+from decmcts.print.figures import clock_time
+from sim.controllers.motion import QUEUE
+from sim.controllers.timing import Timing
+
+PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json of `launch`")]
+SourceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--source", rich_help_panel=opt.BASICS, metavar="FILE",
+        help="The G-code it was made from; without it nothing is planned anew when a head fails",
+    ),
+]  # fmt: skip
+SimulatedOption = Annotated[
+    bool,
+    typer.Option("--simulated", rich_help_panel=opt.BASICS, help="With simulated controllers"),
+]
+SpeedOption = Annotated[
+    float,
+    typer.Option(
+        rich_help_panel=opt.BASICS, metavar="TIMES", help="How many times as fast as the world"
+    ),
+]
+LossOption = Annotated[
+    float,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="SHARE", help="Of the agents' messages, lost: 0.2"
+    ),
+]
+DelayOption = Annotated[
+    float,
+    typer.Option(
+        rich_help_panel=opt.SEARCH, metavar="S",
+        help="Seconds of the print by which messages are late, at most",
+    ),
+]  # fmt: skip
+ReplanOption = Annotated[
+    float,
+    typer.Option(rich_help_panel=opt.SEARCH, metavar="S", help="Time of a search for what is left"),
+]
+LeftOption = Annotated[
+    LeftBeads,
+    typer.Option(
+        "--left-beads", rich_help_panel=opt.SEARCH,
+        help="A bead that was broken off is finished from there, or left as it is",
+    ),
+]  # fmt: skip
+EventsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--events", rich_help_panel=opt.OUTPUT, metavar="FILE",
+        help="Keep what happens (docs/events.md); of plans made anew beside it, with the plans",
+    ),
+]  # fmt: skip
+WatchOption = Annotated[
+    bool, typer.Option("--watch", rich_help_panel=opt.OUTPUT, help="Show heads while they print")
+]
+
+
+@app.command()
+def run(
+    plan: PlanArgument,
+    source: SourceOption = None,
+    simulated: SimulatedOption = False,
+    speed: SpeedOption = 1.0,
+    timing: TimingOption = Timing.NONE,
+    error: ErrorOption = 0.2,
+    seed: opt.SeedOption = 0,
+    queue: QueueOption = QUEUE,
+    loss: LossOption = 0.0,
+    delay: DelayOption = 0.0,
+    replan_time: ReplanOption = 5.0,
+    left_beads: LeftOption = LeftBeads.FINISH,
+    events: EventsOption = None,
+    watch: WatchOption = False,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Carry a plan out, an agent and a controller a head; exit code 1 if not all is printed.
+
+    While it runs, lines on standard input are obeyed: pause, resume, abort (with a head, or for
+    all), and fenced HEAD park or fenced HEAD X,Y,Z for a head that is off.
+    """
+    if not simulated:
+        raise InputError(
+            "there are no other controllers than simulated ones yet", advice="add --simulated"
+        )
+    if timing is Timing.ADVERSARIAL:
+        raise InputError(
+            "adversarial delays are those of a whole print, looked up before it begins",
+            advice="use `decmcts simulate --timing adversarial`",
+        )
+    refuse_unwritable([events], plan, *([] if source is None else [source]))
+    refuse_stdout(events, "--events")
+    options = RunOptions(speed, timing, error, seed, queue, loss, delay, replan_time, left_beads)
+    document = read_plan(plan)
+    if source is not None and is_mesh(source):
+        raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")
+    with steps() as told:
+        found = None if source is None else read(
+            source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=told
+        )  # fmt: skip
+        with _Watch(shown=watch) as window:
+
+            def report(event: Event) -> None:
+                if isinstance(event, Note) or not watch:
+                    told(event)
+
+            result = carry_out(
+                document, found, options, asked=_lines(), report=report, show=window.show
+            )
+        if events is not None:
+            told(Step("writing events"))
+            _write_events(result, events)
+    if as_json:
+        print_json("decmcts-run/1", figures(result))
+    else:
+        show(result)
+    if not result.complete:
+        raise typer.Exit(1)
+
+
+class _Watch:
+    """The heads on the terminal, while they print."""
+
+    def __init__(self, *, shown: bool) -> None:
+        self._live = Live(console=err, transient=True, auto_refresh=False) if shown else None
+        self._said_s = -math.inf
+
+    def __enter__(self) -> _Watch:
+        if self._live is not None and err.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, view: RunView) -> None:
+        """Show how heads stand: a table that changes, or a line a minute of the print."""
+        if self._live is None:
+            return
+        if err.is_terminal:
+            self._live.update(table_of(view), refresh=True)
+        elif view.time_s >= self._said_s + 60.0:
+            self._said_s = view.time_s
+            heads = "; ".join(
+                f"{h.name} {h.does} {h.share:.0%}" + (f" for {h.waits_for}" if h.waits_for else "")
+                for h in view.heads
+            )
+            err.print(f"{clock_time(view.time_s)}: {heads}", soft_wrap=True)
+
+
+def table_of(view: RunView) -> Table:
+    """Return how heads stand."""
+    title = f"{clock_time(view.time_s)} of {clock_time(view.planned_s)}"
+    table = Table(title=title, show_edge=False, pad_edge=False)
+    for name in ("head", "does", "done", "waits for"):
+        table.add_column(name)
+    for head in view.heads:
+        table.add_row(head.name, head.does, f"{head.share:.1%}", head.waits_for)
+    return table
+
+
+def _lines() -> Queue[str | None]:
+    """Return where lines of standard input arrive; a thread reads them."""
+    found: Queue[str | None] = Queue()
+
+    def work() -> None:
+        try:
+            for line in sys.stdin:
+                found.put(line)
+        except (OSError, ValueError):
+            pass  # there is none
+        found.put(None)
+
+    threading.Thread(target=work, name="control", daemon=True).start()
+    return found
+
+
+def _write_events(result: RunResult, path: Path) -> None:
+    """Write a stream for each plan that prints; behind the first with the plan itself."""
+    prints = [carried for carried in result.plans if carried.is_print]
+    for k, (carried, log) in enumerate(zip(prints, result.logs(), strict=True)):
+        place = path if k == 0 else path.with_name(f"{path.stem}-rest{k}{path.suffix}")
+        put(stream_of(log), place)
+        if k:
+            write_plan(carried.document, place.with_suffix(".plan.json"))
+
+
+def figures(result: RunResult) -> dict[str, Any]:
+    """Return what `--json` prints."""
+    names = result.names
+    return {
+        "complete": result.complete,
+        "makespan_s": result.makespan_s,
+        "planned_s": result.planned_s,
+        "contours": result.contours,
+        "unprinted": result.unprinted,
+        "beads_mm": result.printed_mm,
+        "plans": sum(carried.is_print for carried in result.plans),
+        "failures": [
+            {
+                "head": f.head, "why": f.why, "at_s": f.at_s, "noticed_s": f.noticed_s,
+                "fenced_s": f.fenced_s, "planned_s": f.planned_s, "on_s": f.on_s,
+                "stood_s": f.stood_s, "at": f.at,
+            }
+            for f in result.failures
+        ],
+        "waits": [
+            {"head": names[w.head], "by": names[w.by], "begin_s": w.event.time_s,
+             "seconds": w.seconds, "action": w.event.action, "plan": w.number}
+            for w in result.waits
+        ],
+        "nearest": [
+            {"heads": [names[h] for h in near.heads], "gap_mm": near.gap_mm,
+             "rail_mm": near.rail_mm, "time_s": near.time_s}
+            for near in result.near
+        ],
+        "contacts": result.contacts,
+        "not_finished": list(result.left),
+        "reason": result.reason,
+    }  # fmt: skip
+
+
+def show(result: RunResult) -> None:
+    """Print what came of it."""
+    off = result.makespan_s / result.planned_s - 1.0 if result.planned_s else 0.0
+    out.print(
+        f"print time {clock_time(result.makespan_s)}, {abs(off):.1%} "
+        f"{'more' if off >= 0.0 else 'less'} than planned", soft_wrap=True,
+    )  # fmt: skip
+    done = result.contours - result.unprinted
+    out.print(f"{done:,} of {result.contours:,} contours printed")
+    for failure in result.failures:
+        out.print(_failed(failure), soft_wrap=True)
+    for line in (*result.left, *([result.reason] if result.reason else [])):
+        out.print(line, soft_wrap=True)
+    for head, name in enumerate(result.names):
+        mine = [wait for wait in result.waits if wait.head == head]
+        if mine:
+            longest = max(mine, key=lambda wait: wait.seconds)
+            out.print(
+                f"{name} waited {sum(w.seconds for w in mine):.0f} s, longest for "
+                f"{result.names[longest.by]}: {longest.seconds:.1f} s", soft_wrap=True,
+            )  # fmt: skip
+    for near in result.near:
+        if math.isfinite(near.gap_mm):
+            which = " and ".join(result.names[h] for h in near.heads)
+            out.print(f"{which}: {near.gap_mm:.2f} mm apart at least", soft_wrap=True)
+    if len(result.names) > 1:
+        out.print(f"{result.contacts} contact{'s' * (result.contacts != 1)} of heads")
+
+
+def _failed(failure: Failure) -> str:
+    said = f"head {failure.head} failed at {clock_time(failure.at_s)}: {failure.why}"
+    if math.isnan(failure.fenced_s):
+        return f"{said}; it is not fenced"
+    said += f"; fenced {failure.fenced_s - failure.at_s:.1f} s later"
+    if math.isnan(failure.on_s):
+        return said
+    return (
+        f"{said}, the rest began {failure.on_s - failure.at_s:.1f} s after it failed; "
+        f"no head did anything for {failure.stood_s:.1f} s of these"
+    )

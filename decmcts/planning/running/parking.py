@@ -1,0 +1,121 @@
+"""Heads that go to their parks from wherever they stand, one after another.
+
+A head goes straight up above all that is printed, across, and down at its park. It goes when its
+way keeps clear of where all others stand by then, those that failed included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.print.contours import taken
+from decmcts.print.machine import Head, Machine
+from decmcts.print.metrics import Metrics
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
+from decmcts.print.print_state import Point
+from sim.replay.fenced import head_meets
+
+SAME_MM = 1e-6
+ABOVE_MM = 1.0  # all that is printed, on the way
+
+
+def parking_plan(
+    document: PlanDocument, machine: Machine, standing: Mapping[str, Point],
+    fenced: Mapping[str, Point],
+) -> PlanDocument | None:  # fmt: skip
+    """Return a plan by which heads go to their parks; None where all are there.
+
+    Parameters
+    ----------
+    document : PlanDocument
+        The plan that is broken off.
+    machine : Machine
+        With all heads, those that failed too.
+    standing : Mapping[str, Point]
+        Where each head stands that is to go, mm.
+    fenced : Mapping[str, Point]
+        Where each head stands that does not move.
+
+    Raises
+    ------
+    InputError
+        When some head has no clear way.
+    """
+    known = {head.name: head for head in machine.heads}
+    top = max(
+        float(c.points[:, 2].max(initial=0.0))
+        for c in (document.contours, document.printed) if c is not None
+    )  # fmt: skip
+    places, order = {**fenced, **standing}, list[tuple[str, NDArray[np.float64]]]()
+    waiting = [name for name, at in standing.items() if not _same(at, known[name].park)]
+    while waiting:
+        for name in waiting:
+            others = {other: at for other, at in places.items() if other != name}
+            way = _clear_way(machine, known[name], places[name], others, top + ABOVE_MM)
+            if way is not None:
+                break
+        else:
+            raise InputError(
+                f"head {waiting[0]} has no clear way to its park",
+                advice="move the heads that failed away, and say where they stand",
+            )
+        waiting.remove(name)
+        order.append((name, way))
+        places[name] = known[name].park
+    return _document(document, machine, order) if order else None
+
+
+def _same(a: Point, b: Point) -> bool:
+    return float(np.abs(np.subtract(a, b)).max()) < SAME_MM
+
+
+def _clear_way(
+    machine: Machine, head: Head, at: Point, others: Mapping[str, Point], height: float
+) -> NDArray[np.float64] | None:
+    """Return a path to a head's park that keeps clear of the others, None if there is none."""
+    known = {other.name: other for other in machine.heads}
+    z = max(height, at[2], head.park[2])
+    for corner in (None, (head.park[0], at[1]), (at[0], head.park[1])):
+        points = [at, (at[0], at[1], z)]
+        points += [] if corner is None else [(*corner, z)]
+        points += [(head.park[0], head.park[1], z), head.park]
+        path = np.array([points[0]] + [b for a, b in pairwise(points) if not _same(a, b)])
+        moves = np.concatenate([path[:-1], path[1:]], axis=1)
+        if not any(head_meets(machine, head, moves, known[o], p) for o, p in others.items()):
+            return path
+    return None
+
+
+def _document(
+    document: PlanDocument, machine: Machine, order: list[tuple[str, NDArray[np.float64]]]
+) -> PlanDocument:
+    """Return ways as a plan in which each head waits for the one before."""
+    begin, heads = 0.0, list[HeadActions]()
+    for k, (name, path) in enumerate(order):
+        head = next(head for head in machine.heads if head.name == name)
+        length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        end = begin + length / machine.limits_of(head).travel_feed
+        m = int(k > 0)
+        heads.append(
+            HeadActions(
+                head=name, kind=np.array([ActionKind.PARK], np.int8),
+                contour=np.array([-1], np.int32), reversed=np.array([False]),
+                entry=np.array([0], np.int32), path_offsets=np.array([0, len(path)]), path=path,
+                begin_s=np.array([begin]), end_s=np.array([end]), after_offsets=np.array([0, m]),
+                after_head=np.full(m, k - 1, np.int32), after_action=np.zeros(m, np.int32),
+                after_point=np.full(m, ACTION_END, np.int32), after_lag_s=np.zeros(m),
+            )
+        )  # fmt: skip
+        begin = end
+    none = np.empty(0, np.int64)
+    return replace(
+        document, machine=machine, contours=taken(document.contours, none),
+        plan=JointPlan(tuple(heads)), precedence=np.empty((0, 2), np.int32), metrics=Metrics(),
+        acceleration=None, printed=None,
+    )  # fmt: skip

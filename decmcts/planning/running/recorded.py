@@ -1,0 +1,276 @@
+"""What the controllers of a run said, plan by plan.
+
+What follows from it: where heads were, what is printed, who waited. Nothing here asks an agent: a
+controller's own words are what happened.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from agents.running.report import Reached
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ACTION_END, ActionKind, PlanDocument
+from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
+from decmcts.print.print_state import HeadState, Point, length_of, rest_of_line
+from sim.controllers.feeding import Work
+from sim.controllers.motion import Profile
+from sim.controllers.nearness import Course, Near, nearness
+from sim.controllers.program import Floats
+
+LEAST_WAIT_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """A head that stood for another."""
+
+    number: int  # of the plan
+    head: int  # of the first plan
+    by: int
+    seconds: float
+    event: PrintEvent  # heads as in this plan
+
+
+@dataclass(slots=True)
+class Carried:
+    """One plan of a run, and what was said while it was carried out."""
+
+    number: int
+    document: PlanDocument
+    heads: tuple[int, ...]  # of the first plan
+    is_print: bool  # it prints; else heads only go to their parks
+    events: list[PrintEvent] = field(default_factory=list)  # heads as in this plan
+    reached: dict[int, Reached] = field(default_factory=dict)  # by head of the first plan
+    until: dict[int, int] = field(default_factory=dict)  # up to which action each head goes on
+
+    def take(self, head: int, event: PrintEvent) -> None:
+        """Take an event of a head of the first plan."""
+        self.events.append(event)
+        self.reached[head] = self.reached.get(head, Reached()).after(event)
+
+    def count(self, head: int) -> int:
+        """Return how many actions a head carries out of this plan."""
+        actions = self.document.plan.heads[self.heads.index(head)]
+        return self.until.get(head, len(actions))
+
+    def log(self, waits: Sequence[Wait] = ()) -> EventLog:
+        """Return all events in the order of their times, waits of this plan with them."""
+        names = tuple(actions.head for actions in self.document.plan.heads)
+        stood = [wait.event for wait in waits if wait.number == self.number]
+        events = tuple(sorted([*self.events, *stood], key=lambda event: event.time_s))
+        return EventLog(self.document.problem, names, events)
+
+    def last(self, head: int) -> PrintEvent | None:
+        """Return a head's last word."""
+        place = self.heads.index(head)
+        return next((e for e in reversed(self.events) if e.head == place), None)
+
+    def state(self, head: int) -> HeadState:
+        """Return how far a head came; one that goes on, to where it goes on."""
+        place = self.heads.index(head)
+        name = self.document.plan.heads[place].head
+        reached, last = self.reached.get(head, Reached()), self.last(head)
+        if last is not None and last.kind is EventKind.FAILED:
+            inside = last.action != NO_ACTION and last.action == reached.ended
+            point = max(reached.point, last.point) if inside else 0
+            return HeadState(name, reached.ended, reached.begun, point, last.at, last.time_s, True)
+        return HeadState(name, reached.ended, reached.begun, reached.point)
+
+    def stands(self, head: int, action: int) -> Point:
+        """Return where a head stands before an action."""
+        actions = self.document.plan.heads[self.heads.index(head)]
+        if not len(actions):
+            machine = self.document.machine
+            return next(one.park for one in machine.heads if one.name == actions.head)
+        path = actions.action_path(action)[0] if action < len(actions) else actions.path[-1]
+        x, y, z = path.tolist()
+        return x, y, z
+
+    def printed_mm(self) -> float:
+        """Return the length of all that is printed of this plan, broken beads up to their break."""
+        contours, length = self.document.contours, 0.0
+        for c, share in self.printed():
+            rows = slice(int(contours.offsets[c]), int(contours.offsets[c + 1]))
+            steps = np.linalg.norm(np.diff(contours.points[rows], axis=0), axis=1)
+            length += share * float(steps[contours.extrusion[rows][1:] > 0.0].sum())
+        return length
+
+    def printed(self) -> list[tuple[int, float]]:
+        """Return the contours that are printed, and of each which share of its length."""
+        found = list[tuple[int, float]]()
+        for place, head in enumerate(self.heads):
+            actions, state = self.document.plan.heads[place], self.state(head)
+            rows = actions.kind[: state.ended] == ActionKind.PRINT
+            found += [(c, 1.0) for c in actions.contour[: state.ended][rows].tolist()]
+            k = state.ended
+            if state.begun and state.is_exact and k < len(actions) and actions.contour[k] >= 0:
+                assert state.at is not None
+                path = actions.action_path(k)
+                point, share = rest_of_line(path, state.point, state.at)
+                done = length_of(path[: point + 1]) + share * length_of(path[point : point + 2])
+                found.append((int(actions.contour[k]), done / max(length_of(path), 1e-9)))
+        return found
+
+
+def segments(document: PlanDocument, contours: Iterable[int]) -> Counter[tuple[float, ...]]:
+    """Count the segments of beads, as files have them, whichever way they run."""
+    found: Counter[tuple[float, ...]] = Counter()
+    given = document.contours
+    for c in contours:
+        rows = slice(int(given.offsets[c]), int(given.offsets[c + 1]))
+        points, laid = np.round(given.points[rows], 3) + 0.0, given.extrusion[rows][1:] > 0.0
+        ends = np.concatenate([points[:-1], points[1:]], axis=1)[laid].tolist()
+        found.update(tuple(row) if row[:3] <= row[3:] else (*row[3:], *row[:3]) for row in ends)
+    return found
+
+
+def printed_twice(plans: Sequence[Carried]) -> int:
+    """Return how many segments of the first plan's contours were printed more often than once."""
+    prints = [carried for carried in plans if carried.is_print]
+    first = prints[0].document
+    due = segments(first, range(len(first.contours)))
+    done: Counter[tuple[float, ...]] = Counter()
+    for carried in prints:
+        done += segments(carried.document, [c for c, share in carried.printed() if share == 1.0])
+    return sum(n - due[key] for key, n in done.items() if key in due and n > due[key])
+
+
+@dataclass(slots=True)
+class _Moves:
+    """The moves of one head, gathered."""
+
+    points: list[Floats]
+    columns: list[Floats] = field(default_factory=list)  # (8, m) each: those of `Course`
+
+    def add(self, points: Floats, columns: Floats) -> None:
+        """Add moves that begin where the last one ended, or jump there."""
+        if float(np.abs(points[0] - self.points[-1][-1]).max()) > 1e-3:
+            self.jump(points[0], float(columns[0, 0]))
+        self.points.append(points[1:])
+        self.columns.append(columns)
+
+    def jump(self, to: Floats, time_s: float) -> None:
+        """Have somebody put the head elsewhere."""
+        self.points.append(to.reshape(1, 3))
+        self.columns.append(np.array([[time_s, time_s, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0]]).T)
+
+    def course(self) -> Course:
+        """Return all of it."""
+        none = [np.zeros((8, 0))]
+        columns = np.ascontiguousarray(np.concatenate([*none, *self.columns], axis=1))
+        return Course(np.concatenate(self.points), *columns)
+
+
+def _moved(work: Work, action: int, begin_s: float, end_s: float) -> tuple[Floats, Floats]:
+    """Return the moves of an action that lasted from one time to another, as columns."""
+    rows = slice(int(work.first[action]), int(work.first[action + 1]))
+    points = work.program.points[rows.start : rows.stop + 1]
+    its: Profile = work.profile
+    due = its.seconds[rows]
+    slow = (end_s - begin_s) / max(float(due.sum()), 1e-12)
+    ends = begin_s + np.cumsum(due) * slow
+    columns = [
+        ends - due * slow, ends, its.length[rows], its.enters[rows], its.leaves[rows],
+        its.top[rows], its.rate[rows], np.full(len(due), slow),
+    ]  # fmt: skip
+    return points, np.array(columns)
+
+
+def _broken(
+    points: Floats, columns: Floats, point: int, at: Point, end_s: float
+) -> tuple[Floats, Floats]:
+    """Return the moves of an action up to where the head stopped."""
+    points = np.concatenate([points[: point + 1], [at]])
+    begin_s = float(columns[1, point - 1]) if point else float(columns[0, 0])
+    length = float(np.linalg.norm(points[-1] - points[-2]))
+    speed = length / max(end_s - begin_s, 1e-6)
+    last = [begin_s, max(end_s, begin_s + 1e-6), length, speed, speed, speed, 1e6, 1.0]
+    return points, np.concatenate([columns[:, :point], np.array([last]).T], axis=1)
+
+
+def course_of(
+    plans: Sequence[Carried], head: int, park: Point, moved: Mapping[int, tuple[float, Point]]
+) -> Course:
+    """Return where a head was over time.
+
+    One that never said how an action ended is taken to have ended it. `moved` has when people put
+    heads that failed elsewhere, and where.
+    """
+    moves = _Moves([np.array([park])])
+    for carried in plans:
+        if head not in carried.heads:
+            continue
+        place = carried.heads.index(head)
+        own = [event for event in carried.events if event.head == place]
+        if not own:
+            continue
+        work = Work.of_plan(carried.document, carried.document.plan.heads[place].head)
+        begun: PrintEvent | None = None
+        for event in own:
+            if event.kind is EventKind.BEGAN:
+                begun = event
+            elif event.kind is EventKind.ENDED and begun is not None:
+                if len(work.ends(event.action)):
+                    moves.add(*_moved(work, event.action, begun.time_s, event.time_s))
+                begun = None
+            elif event.kind is EventKind.FAILED and begun is not None:
+                ends = work.ends(begun.action)
+                if len(ends):
+                    whole = _moved(work, begun.action, begun.time_s, begun.time_s + float(ends[-1]))
+                    point = min(event.point, len(ends) - 1)
+                    moves.add(*_broken(*whole, point, event.at, event.time_s))
+                begun = None
+        if begun is not None and len(ends := work.ends(begun.action)):
+            moves.add(*_moved(work, begun.action, begun.time_s, begun.time_s + float(ends[-1])))
+    if head in moved:
+        time_s, to = moved[head]
+        moves.jump(np.array(to), time_s)
+    return moves.course()
+
+
+def waits_of(carried: Carried) -> list[Wait]:
+    """Return for whom heads stood in a plan: of all an action waited for, what came last."""
+    plan, found = carried.document.plan, list[Wait]()
+    passed = {
+        (e.head, e.action, e.point if e.kind is EventKind.PASSED else ACTION_END): e.time_s
+        for e in carried.events if e.kind in (EventKind.PASSED, EventKind.ENDED)
+    }  # fmt: skip
+    for place, actions in enumerate(plan.heads):
+        own = [event for event in carried.events if event.head == place]
+        if not own:
+            continue
+        before_s = Work.of_plan(carried.document, actions.head).before_s
+        last_s = 0.0
+        for event in own:
+            if event.kind is EventKind.ENDED:
+                last_s = event.time_s
+            edges = actions.after_edges(event.action) if event.kind is EventKind.BEGAN else []
+            others = [edge for edge in edges if edge.head != place]
+            if not others:
+                continue
+            stood_s = event.time_s - float(before_s[event.action]) - last_s
+            if stood_s > LEAST_WAIT_S:
+                by = max(others, key=lambda e: passed.get((e.head, e.action, e.point), 0.0)).head
+                began = PrintEvent(EventKind.WAITS, place, last_s, event.action, 0, event.at, by=by)
+                heads = carried.heads
+                found.append(Wait(carried.number, heads[place], heads[by], stood_s, began))
+    return found
+
+
+def nearest(
+    machine: Machine, names: Sequence[str], plans: Sequence[Carried],
+    moved: Mapping[int, tuple[float, Point]], end_s: float,
+) -> tuple[Near, ...]:  # fmt: skip
+    """Return how near heads came to each other in a run, by their controllers' words.
+
+    `names` are those of the first plan's heads; the pairs of what is returned count them.
+    """
+    known = {head.name: head for head in machine.heads}
+    heads = [known[name] for name in names]
+    courses = [course_of(plans, h, head.park, moved) for h, head in enumerate(heads)]
+    return nearness(machine, heads, courses, 0.0, end_s)

@@ -1,0 +1,134 @@
+"""A plan carried out to its end, and what came of it."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.formats.files.drafts import draft_folder
+from decmcts.planning.events import Report, Step, unheard
+from decmcts.planning.problem.source import Source
+from decmcts.planning.replanning.rest import refuse_other
+from decmcts.planning.running.launcher import Launcher
+from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
+from decmcts.planning.running.recorded import Carried, Wait, nearest, waits_of
+from decmcts.print.plan import PlanDocument
+from decmcts.print.print_events import EventLog
+from decmcts.print.print_state import Point
+from sim.controllers.nearness import Near
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What was carried out.
+
+    Parameters
+    ----------
+    plans : tuple[Carried, ...]
+        The plan, and those that took its place; with all events.
+    makespan_s, planned_s : float
+        When the last action ended, and when it should have by the first plan.
+    contours, unprinted : int
+        How many the print has, and how many are not printed whole.
+    near : tuple[Near, ...]
+        How near heads came to each other, by their controllers' words.
+    left : tuple[str, ...]
+        What is not finished, in words.
+    reason : str
+        Why the rest was not planned, if it was not.
+    """
+
+    names: tuple[str, ...]
+    plans: tuple[Carried, ...]
+    makespan_s: float
+    planned_s: float
+    contours: int
+    unprinted: int
+    failures: tuple[Failure, ...]
+    moved: Mapping[int, tuple[float, Point]]
+    near: tuple[Near, ...]
+    waits: tuple[Wait, ...]
+    left: tuple[str, ...]
+    reason: str
+
+    @property
+    def contacts(self) -> int:
+        """How often heads touched."""
+        return sum(len(near.contacts) for near in self.near)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all is printed, and no heads touched."""
+        return self.unprinted == 0 and self.contacts == 0 and not self.left
+
+    @property
+    def printed_mm(self) -> float:
+        """Length of all that is printed, mm."""
+        return sum(carried.printed_mm() for carried in self.plans if carried.is_print)
+
+    def logs(self) -> list[EventLog]:
+        """Return the events of each plan that prints."""
+        return [carried.log(self.waits) for carried in self.plans if carried.is_print]
+
+
+def run(
+    document: PlanDocument,
+    source: Source | None = None,
+    options: RunOptions = RUN_OPTIONS,
+    *,
+    asked: queue.Queue[str | None] | None = None,
+    report: Report = unheard,
+    show: Show = unseen,
+    on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None,
+    on_launcher: Callable[[Launcher], None] = lambda _launcher: None,
+) -> RunResult:
+    """Carry a plan out with simulated controllers, two processes a head.
+
+    Parameters
+    ----------
+    document : PlanDocument
+        The plan.
+    source : Source | None
+        The print it was made from; without it nothing is planned anew when a head fails.
+    options : RunOptions
+        How fast, how late and how lossy.
+    asked : queue.Queue[str | None] | None
+        Where a person's lines arrive while it runs (docs/run.md); None behind the last.
+    report, show
+        Told what happens, and how heads stand.
+    on_start : Callable
+        Told the process ids of each head's agent and controller, by its name.
+    on_launcher : Callable
+        Told the launcher before it begins, for trials that look at its clock.
+
+    Raises
+    ------
+    InputError
+        When the source is another's, or processes cannot be started.
+    """
+    if not document.plan.heads:
+        raise InputError("the plan has no head")
+    if source is not None:
+        refuse_other(document, source.job)
+    if asked is None:
+        asked = queue.Queue()
+        asked.put(None)
+    report(Step("starting agents and controllers"))
+    with draft_folder() as folder:
+        launcher = Launcher(document, source, options, Path(folder), asked, report, show, on_start)
+        on_launcher(launcher)
+        launcher.run()
+    report(Step("judging where heads were"))
+    plans = tuple(launcher.plans)
+    end_s = max(launcher.makespan_s, *(e.time_s for p in plans for e in p.events), 0.0)
+    names = tuple(head.head for head in document.plan.heads)
+    return RunResult(
+        names, plans, launcher.makespan_s, document.plan.makespan_s, len(document.contours),
+        launcher.unprinted, tuple(launcher.failures), dict(launcher.moved),
+        nearest(document.machine, names, plans, launcher.moved, end_s),
+        tuple(wait for carried in plans for wait in waits_of(carried)), tuple(launcher.left),
+        launcher.reason,
+    )  # fmt: skip

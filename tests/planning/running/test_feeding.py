@@ -1,0 +1,65 @@
+"""One simulated controller: what it says when, and how it ends."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from decmcts.print.print_events import EventKind
+from sim.controllers.feeding import Feeding, Work
+from tests.planning.replanning.conftest import Made
+
+
+@pytest.fixture
+def feeding(made: Made) -> Feeding:
+    return Feeding(0, Work.of_plan(made.document, "left"))
+
+
+def test_it_carries_out_what_is_released_and_no_more(feeding: Feeding) -> None:
+    """Each action begins and ends once, in order, one behind the other."""
+    feeding.release(5, 0.0)
+    events = list(feeding.step(1e6))
+    ended = [event.action for event in events if event.kind is EventKind.ENDED]
+    assert ended == list(range(5)) and math.isinf(feeding.next_s())
+    assert [event.time_s for event in events] == sorted(event.time_s for event in events)
+    assert list(feeding.step(2e6)) == []
+
+
+def test_it_ends_behind_the_action_it_is_at(feeding: Feeding) -> None:
+    """When its agent is gone: the last word is that it is off, and where."""
+    feeding.release(50, 0.0)
+    first = feeding.next_s()
+    list(feeding.step(first + 1e-3))
+    feeding.end("its agent is gone")
+    *_, ended, failed = feeding.step(1e6)
+    assert (ended.kind, failed.kind) == (EventKind.ENDED, EventKind.FAILED)
+    assert failed.at == ended.at and failed.what == "its agent is gone"
+    assert list(feeding.step(2e6)) == []
+
+
+def test_a_clog_says_where_it_stopped(made: Made, feeding: Feeding) -> None:
+    """Point and place lie on the path of the action."""
+    feeding.release(200, 0.0)
+    k = int(np.flatnonzero(np.diff(feeding.work.first) > 3)[0])
+    list(feeding.step(0.0))
+    while feeding.action < k or not feeding.begun:
+        list(feeding.step(feeding.next_s()))
+    middle = feeding.begin_s + float(feeding.work.ends(k)[1]) + 1e-3
+    list(feeding.step(middle))
+    failed = feeding.fail("clogged", middle)
+    path = made.document.plan.heads[0].action_path(k)
+    assert (failed.action, failed.point) == (k, 2)
+    a, b, at = path[2], path[3], np.array(failed.at)
+    assert np.linalg.norm(at - a) + np.linalg.norm(b - at) == pytest.approx(np.linalg.norm(b - a))
+
+
+def test_a_wait_costs_no_time_that_was_not_waited(feeding: Feeding) -> None:
+    """What is released before it is needed begins when the last action ended."""
+    feeding.release(1, 0.0)
+    list(feeding.step(1e6))
+    free_s = feeding.free_s
+    feeding.release(2, 100.0)
+    (began, *_) = feeding.step(1e6)
+    assert began.time_s >= max(free_s, 100.0)

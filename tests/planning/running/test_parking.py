@@ -1,0 +1,44 @@
+"""Ways to the parks: one head after another, clear of all that stands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decmcts.errors import InputError
+from decmcts.planning.running.parking import parking_plan
+from sim.controllers.from_plan import programs_of_plan
+from sim.controllers.simulate import simulate
+from tests.planning.replanning.conftest import Made
+
+
+def test_heads_go_up_across_and_down_and_do_not_touch(made: Made) -> None:
+    """Under any timing: each waits for the one before."""
+    machine = made.document.machine
+    places = {"left": (100.0, 100.0, 0.6), "right": (200.0, 100.0, 0.6)}
+    plan = parking_plan(made.document, machine, places, {})
+    assert plan is not None
+    top = float(made.document.contours.points[:, 2].max())
+    for head in plan.plan.heads:
+        park = next(one.park for one in machine.heads if one.name == head.head)
+        path = head.action_path(0)
+        assert tuple(path[-1]) == park and path[1:-1, 2].min() > top
+        assert np.array_equal(path[0, :2], path[1, :2])
+    found = simulate(programs_of_plan(plan), machine)
+    assert found.safe and found.contacts == 0
+
+
+def test_heads_that_are_parked_need_no_plan(made: Made) -> None:
+    """Nothing moves that need not."""
+    machine = made.document.machine
+    parks = {head.name: head.park for head in machine.heads}
+    assert parking_plan(made.document, machine, parks, {}) is None
+
+
+def test_a_head_in_the_way_is_named(made: Made) -> None:
+    """A dead head right of where the right one parks lets nobody pass."""
+    machine = made.document.machine
+    with pytest.raises(InputError, match="no clear way"):
+        parking_plan(
+            made.document, machine, {"right": (100.0, 100.0, 0.6)}, {"left": (300.0, 100.0, 0.6)}
+        )
