@@ -44,9 +44,10 @@ from decmcts.planning.running.options import (
 from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.renewing import Begin, News, NotRenewed, Parking, Renewed, renew
 from decmcts.print.figures import clock_time
+from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, PrintEvent
-from decmcts.print.print_state import Point, PrintState, state_of_heads
+from decmcts.print.print_state import PrintState, state_of_heads
 
 CONTROLLER = (sys.executable, "-P", "-m", "sim.controllers.serve")
 START_S = 60.0  # that all processes may take to start

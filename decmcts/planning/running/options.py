@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from decmcts.errors import InputError
 from decmcts.planning.replanning.rest import LeftBeads
-from decmcts.print.print_state import Point
+from decmcts.print.machine import Point
 from sim.controllers.motion import QUEUE
 from sim.controllers.timing import Timing
 

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.print.contours import taken
-from decmcts.print.machine import Head, Machine
+from decmcts.print.machine import Head, Machine, Point
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
-from decmcts.print.print_state import Point
 from sim.replay.fenced import head_meets
 
 SAME_MM = 1e-6

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from agents.running.report import Reached
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import ACTION_END, ActionKind, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
-from decmcts.print.print_state import HeadState, Point, length_of, rest_of_line
+from decmcts.print.print_state import HeadState, length_of, rest_of_line
 from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
 from sim.controllers.nearness import Course, Near, nearness

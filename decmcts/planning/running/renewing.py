@@ -13,9 +13,9 @@ from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.replan import replan, rest_of, rules_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.parking import parking_plan
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import PlanDocument
-from decmcts.print.print_state import Point, PrintState
+from decmcts.print.print_state import PrintState
 
 
 @dataclass(frozen=True, slots=True)

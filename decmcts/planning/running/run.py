@@ -15,9 +15,9 @@ from decmcts.planning.replanning.rest import refuse_other
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
 from decmcts.planning.running.recorded import Carried, Wait, nearest, waits_of
+from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventLog
-from decmcts.print.print_state import Point
 from sim.controllers.nearness import Near
 
 
