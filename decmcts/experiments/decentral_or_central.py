@@ -78,8 +78,8 @@ def _run(key: Key) -> Row:
     what = given(key, machine, Cut.INSIDE, middle=middle)
     compile_rounds()
     if key["setting"] == "equal time":
-        document, found = planned(what, key, PLANNERS[key["planner"]])
-        return figures(what, document) | {"orders": found.orders}
+        document, _ = planned(what, key, PLANNERS[key["planner"]])
+        return figures(what, document)
     weather = weather_of(float(key["loss"]), float(key["delay_s"]))
     result = agreed(what, weather, _planners(what.team, key), key)
     return figures(what, result.document) | {
@@ -132,10 +132,10 @@ def _tables(rows: Sequence[Line]) -> str:
     lines = [
         [planner, str(len(mine)), spread(column(mine, "ratio"), 3),
          f"{min(column(mine, 'ratio')):.3f} to {max(column(mine, 'ratio')):.3f}",
-         spread(column(mine, "over_bound"), 3), f"{median(mine, 'orders'):.0f}"]
+         spread(column(mine, "over_bound"), 3)]
         for (planner,), mine in grouped(_equal(rows), "planner").items()
     ]  # fmt: skip
-    head = ["planner", "runs", "÷ dec-mcts", "least and most", "÷ bound", "joint orders"]
+    head = ["planner", "runs", "÷ dec-mcts", "least and most", "÷ bound"]
     text += f"\n\n{markdown(lines, head)}\n"
     text += "Over a network: makespan over that of decentral planning without loss and delay.\n\n"
     lines = [

@@ -101,10 +101,10 @@ def experiment(
     Examples
     --------
     >>> from decmcts import experiment
-    >>> experiment("two-hats")
+    >>> experiment("two-hats")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    decmcts.errors.InputError: no experiment 'two-hats'; there are two-heads
+    decmcts.errors.InputError: no experiment 'two-hats'; there are two-heads, ...
     """
     chosen = _chosen(name)
     at_least_zero("time limit", time_limit_s)

@@ -26,6 +26,7 @@ CONTENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "docs/first-print-on-two-heads",
             "docs/simulate",
             "docs/replan",
+            "docs/experiments",
             "docs/machine-format",
             "docs/measure-your-head",
             "docs/meshes",
