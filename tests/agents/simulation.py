@@ -21,7 +21,7 @@ class Recorder:
     """A front end that keeps what it is told."""
 
     def __init__(self) -> None:
-        self.asked: list[Event] = []
+        self.asked: list[Event | Meet] = []
         self.told: list[Note | Refused | Unfenced | Release | Left] = []
 
     def commands(self) -> list[Event | Meet]:

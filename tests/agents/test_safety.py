@@ -21,6 +21,8 @@ def disturb(team: Team, rng: np.random.Generator, *, again: bool = False) -> Non
             team.fronts[head].asked.extend(Fenced(h, team.epochs[h]) for h in dead)
             return
     heads = sorted(team.agents)
+    if len(heads) < 2:
+        return
     head, other = (int(h) for h in rng.choice(heads, 2, replace=False))
     transport = team.network.transports[head]
     what = rng.integers(5)
