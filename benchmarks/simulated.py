@@ -1,11 +1,12 @@
 """Written files of two heads run as controllers run them, on time and not, and spoilt plans.
 
     python benchmarks/simulated.py [--models NAME,…] [--machine dual-gantry] [--time-limit 10]
-        [--trials 25] [--seeds 0]
+        [--trials 27] [--seeds 0]
 
 Of each print: the simulated print time of plan and files beside the plan's, contacts under random
-errors of time (`--trials` draws of each kind, up to 30 %) and under an adversary, and whether five
-spoilt plans are seen to collide. Writes docs/results/simulated.csv (resumable) and simulated.md.
+errors of time (`--trials` draws of each kind, up to 30 %) and under an adversary; and of five
+spoilt plans how many the judge finds unsafe, and how many of these are seen to collide. Writes
+docs/results/simulated.csv (resumable) and simulated.md.
 """
 
 from __future__ import annotations
@@ -23,20 +24,29 @@ import numpy as np
 from common import Rows, arguments, grouped, markdown, measured, median, setting
 from team_prints import plate_path
 
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.simulate import Simulated, simulate
 from sim.controllers.timing import Timing
 from sim.experiments.mutants import NotHereError
-from sim.experiments.mutants_waits import action_before, one_wait_dropped, waits_dropped
+from sim.experiments.mutants_waits import (
+    action_before,
+    ends_to_points,
+    one_wait_dropped,
+    waits_dropped,
+)
+from sim.faults import FaultKind
+from sim.verify import verify_plan
 
 KEY = ("machine", "model", "limit_s", "trials", "seed")
 FIGURES = ("contours", "planned_s", "plan_off", "files_off", "draws", "contacts", "least_rail_mm",
-           "adversaries", "spoilt", "seen", "seconds", "error")  # fmt: skip
+           "adversaries", "spoilt", "unsafe", "seen", "seconds", "error")  # fmt: skip
 RANDOM = (Timing.UNIFORM, Timing.HEAVY_TAILS, Timing.DRIFT)
 FOUND_BY = (Timing.NONE, Timing.ADVERSARIAL)  # of spoilt plans, in turn
 SIZE = 0.3
 SPOILT: tuple[Callable[..., None], ...] = (
-    waits_dropped, one_wait_dropped, one_wait_dropped, one_wait_dropped, action_before,
+    waits_dropped, one_wait_dropped, one_wait_dropped, ends_to_points, action_before,
 )  # fmt: skip
+UNSAFE = {FaultKind.HEAD_HEAD, FaultKind.RAIL}
 PRINTS = "same_4_far,mix_4,mix_2,mix_6,mix_3,mix_1,mix_5,same_9,gf_baseplate,openbot_top_A"
 
 
@@ -61,7 +71,7 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
             for timing in (*RANDOM, Timing.ADVERSARIAL)
         ]
         spoilt = _seen(plan)
-    return {**key, **_figures(drawn), "spoilt": spoilt[0], "seen": spoilt[1],
+    return {**key, **_figures(drawn), **spoilt,
             "seconds": round(seconds, 1), "error": ""}  # fmt: skip
 
 
@@ -83,9 +93,9 @@ def _figures(drawn: list[Simulated]) -> dict[str, Any]:
     }
 
 
-def _seen(plan: Path) -> tuple[int, int]:
-    """Return how many spoilt plans there are, and how many of them are seen to collide."""
-    made, seen = 0, 0
+def _seen(plan: Path) -> dict[str, int]:
+    """Count spoilt plans, those in which the judge finds that heads may touch, those seen to."""
+    found = {"spoilt": 0, "unsafe": 0, "seen": 0}
     for seed, spoil in enumerate(SPOILT):
         document = json.loads(plan.read_text())
         try:
@@ -94,9 +104,11 @@ def _seen(plan: Path) -> tuple[int, int]:
             continue
         path = plan.with_name("spoilt.json")
         path.write_text(json.dumps(document))
-        made += 1
-        seen += not all(simulate([path], timing=t).simulation.safe for t in FOUND_BY)
-    return made, seen
+        found["spoilt"] += 1
+        if UNSAFE & {fault.kind for fault in verify_plan(read_plan(path)).faults}:
+            found["unsafe"] += 1
+            found["seen"] += not all(simulate([path], timing=t).simulation.safe for t in FOUND_BY)
+    return found
 
 
 def report(rows: Rows, said: str) -> str:
@@ -105,29 +117,31 @@ def report(rows: Rows, said: str) -> str:
     text += "benchmarks/simulated.py`. Plan, files: how much longer their simulated print time is "
     text += f"than planned. Draws: random errors of time up to {SIZE:.0%}, and adversaries. Rail: "
     text += "the least of what lay between heads beyond the rail's separation. Spoilt: plans whose "
-    text += "waits are gone (all, or one) or are for the action before; seen: those that collide "
-    text += "on time or under an adversary. A single wait may be kept by others, so that a plan "
-    text += "without it is still safe. Seconds: reading and running the plan once.\n\n"
+    text += "waits are gone (all, or one of two), are for first points in place of ends, or for "
+    text += "the action before. Of those in which `verify` finds that heads may touch (a single "
+    text += "wait may be kept by others), seen are those that collide on time or under an "
+    text += "adversary. Seconds: reading and running the plan once.\n\n"
     lines = [
         [
             model, f"{median(mine, 'contours'):.0f}", f"{median(mine, 'planned_s'):.0f}",
             f"{median(mine, 'plan_off'):+.2%}", f"{median(mine, 'files_off'):+.2%}",
             str(sum(int(r["draws"]) for r in mine)), str(sum(int(r["contacts"]) for r in mine)),
             f"{median(mine, 'least_rail_mm'):.3f}",
-            f"{sum(int(r['seen']) for r in mine)} of {sum(int(r['spoilt']) for r in mine)}",
+            str(sum(int(r["spoilt"]) for r in mine)),
+            f"{sum(int(r['seen']) for r in mine)} of {sum(int(r['unsafe']) for r in mine)}",
             f"{median(mine, 'seconds'):.1f}",
         ]
         for (_, model), mine in grouped(rows.rows, "machine", "model").items()
     ]  # fmt: skip
     head = ["print", "contours", "planned s", "plan", "files", "draws", "contacts", "rail mm",
-            "spoilt plans seen", "s"]  # fmt: skip
+            "spoilt", "seen of unsafe", "s"]  # fmt: skip
     return text + markdown(lines, head) + rows.failures()
 
 
 def main() -> None:
     parser = arguments(__doc__, time_limit=10.0, models=PRINTS)
     parser.add_argument("--machine", default="dual-gantry")
-    parser.add_argument("--trials", type=int, default=25)
+    parser.add_argument("--trials", type=int, default=27)
     options: argparse.Namespace = parser.parse_args()
     rows = Rows(options.results / "simulated.csv", KEY)
     for seed, model in product(options.seeds, options.models):

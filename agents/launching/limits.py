@@ -28,6 +28,10 @@ AGREE_HEAD_S = 2.0
 
 AGREE_ROUNDS = 8.0
 
+RETURN_S = 15.0
+"""The others wait so long, from the end of planning, for an agent that was started again: it
+loads for seconds, and with its head a print may take half the time."""
+
 LATE_LIMIT_S = 120.0
 """From the end of the time for planning until some agent says that it ended: a last resort,
 for rounds that take very long."""

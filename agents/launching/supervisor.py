@@ -5,8 +5,8 @@ others cannot reach, after its process was killed and waited for. A pause is no 
 is silent has `HUNG_S` to come back, and agents that speak but miss each other are first
 sent to meet elsewhere. If that does not help, of two groups that miss each other the larger
 goes on. A process that died while there is time to plan is no dead head: it is started again
-once, and its head is fenced until it is ready. A plan counts only when every agent that is not
-fenced released the same digest. No planning here.
+once, and the others hold what they agree on until it is ready. A plan counts only when every
+agent that is not fenced released the same digest. No planning here.
 """
 
 from __future__ import annotations
@@ -61,7 +61,6 @@ class Supervisor:
         self._places: tuple[str, ...] | None = None  # where all were sent last
         self._start_again = start_again
         self._again: dict[int, float] = {}  # heads that were started again -> when
-        self._returning: set[int] = set()  # those of them that are fenced until they are ready
         self._clock = clock
         self._started = clock()
         self._first_ready_at: float | None = None
@@ -118,7 +117,7 @@ class Supervisor:
         )
 
     def _tell_all(self, command: dict[str, Any]) -> None:
-        for head in {*self._unfenced(), *self._returning}:
+        for head in self._unfenced():
             self._agents[head].tell(command)
 
     def _unfenced(self) -> list[int]:
@@ -126,8 +125,6 @@ class Supervisor:
 
     def _result(self) -> dict[str, Any] | None:
         heads = self._unfenced()
-        if self._returning and all(self.status[head].stuck for head in heads):
-            return None  # all wait for who comes back
         if not heads:
             raise LaunchError(f"every agent ended: {self._notes()}")
         # One that misses a head which is not given up may have it back in a moment.
@@ -149,7 +146,7 @@ class Supervisor:
             return
         if said.line is None:
             self._end(said.head)
-        elif said.head not in self.fenced - self._returning:
+        elif said.head not in self.fenced:
             self._take(said.head, said.line)
         if self._on_progress is not None:
             self._on_progress(tuple(self.status))
@@ -166,9 +163,9 @@ class Supervisor:
     def _hear(self, head: int, line: dict[str, Any]) -> None:
         match line:
             case {"event": "ready"}:
-                if head in self._returning and not self._take_back(head):
-                    return
                 self._ready.add(head)
+                if self._over_at is not None:  # the others waited for it alone
+                    self._over_at = self._clock()
                 self._first_ready_at = self._first_ready_at or self._clock()
                 self._update(head, phase="waiting")
             case {"event": "progress"}:
@@ -206,13 +203,10 @@ class Supervisor:
 
         The reason that is kept is how the process `ended` of its own, else ours.
         """
-        if head not in self._agents or head in self.fenced - self._returning:
+        if head in self.fenced or head not in self._agents:
             return
         ending = self._agents[head].ending() if ended else ""
         self._agents[head].kill()
-        if head in self._returning:  # its second incarnation, which somebody may have met
-            self._returning.discard(head)
-            self._epochs[head] += 1
         self.fenced.add(head)
         self._fenced_at = self._clock()
         self._released.pop(head, None)
@@ -226,40 +220,23 @@ class Supervisor:
 
     def _end(self, head: int) -> None:
         """Take in that a process ended: an agent that died while all plan is started again."""
-        if head in self.fenced - self._returning:
+        if head in self.fenced:
             return
         agent, now = self._agents[head], self._clock()
         died = agent.died() and not self._is_over(now) and head not in self._again
         if self._start_again is None or not died:
             self.fence(head, "its process ended", ended=True)
             return
-        ending, left_s = agent.ending(), self._limit_s
-        if self._met_at is None:  # nobody plans yet: all wait for it
-            self._epochs[head] += 1
-            self._ready.discard(head)
-        else:
-            self.fence(head, ending)
-            self._returning.add(head)
-            left_s -= now - self._met_at
-        self._again[head] = now
-        self._hearing.forget(head)
-        phase = "lost" if head in self._returning else "starting"
-        note = f"{ending}, started again"
-        self._update(head, phase=phase, live=(), stuck=False, note=note, again=ending)
-        epoch = self._epochs[head] + (head in self._returning)
-        self._start_again(head, epoch, max(left_s, 0.0), self._places)
-        for other in self.fenced - {head}:
-            self._agents[head].tell(self._fence_command(other))
-
-    def _take_back(self, head: int) -> bool:
-        """Count a head as there again; False: it comes too late and is ended."""
-        if self._is_over(self._clock()):
-            self.fence(head, f"{self.status[head].again}, started again too late")
-            return False
-        self._returning.discard(head)
-        self.fenced.discard(head)
+        ending = agent.ending()
         self._epochs[head] += 1
-        return True
+        self._again[head] = now
+        self._ready.discard(head)
+        self._hearing.forget(head)
+        self._update(head, phase="starting", live=(), stuck=False, note=ending, again=ending)
+        left_s = self._limit_s - (now - self._met_at if self._met_at is not None else 0.0)
+        self._start_again(head, self._epochs[head], max(left_s, 0.0), self._places)
+        for other in self.fenced:
+            self._agents[head].tell(self._fence_command(other))
 
     # Who misses whom ----------------------------------------------------------
 
@@ -321,8 +298,8 @@ class Supervisor:
 
     def _enforce_limits(self) -> None:
         now, waiting = self._clock(), set(self._unfenced()) - self._ready
-        self._enforce_start(waiting | self._returning, now)
         if waiting:
+            self._enforce_start(waiting, now)
             return
         if self._ready_at is None:
             self._ready_at = now
@@ -345,17 +322,20 @@ class Supervisor:
             until = since + limits.UNHEARD_S + heads
             if self._first_ready_at is not None and head not in self._again:
                 until = min(until, self._first_ready_at + limits.HUNG_S + heads / 2)
-            if now - since > limits.START_LIMIT_S:
+            if head in self._again and self._is_over(now, limits.RETURN_S):
+                self.fence(head, f"{self.status[head].again}, and not back in time")
+            elif now - since > limits.START_LIMIT_S:
                 self.fence(head, f"not ready after {limits.START_LIMIT_S:g} s")
             elif self._hearing.is_hung(head, now):
                 self.fence(head, f"it said nothing for {limits.HUNG_S:g} s")
             elif not self._hearing.was_heard(head) and now > until:
                 self.fence(head, "it never said anything")
 
-    def _is_over(self, now: float) -> bool:
-        """Whether planning has ended, by an agent's word or by the clock."""
-        met_at = self._met_at
-        return self._over_at is not None or (met_at is not None and now - met_at > self._limit_s)
+    def _is_over(self, now: float, since_s: float = 0.0) -> bool:
+        """Whether planning has ended so long ago, by an agent's word or by the clock."""
+        ends = [] if self._met_at is None else [self._met_at + self._limit_s]
+        ends += [] if self._over_at is None else [self._over_at]
+        return bool(ends) and now - since_s >= min(ends)
 
     def _enforce_agreement(self, now: float) -> None:
         """Give up agents that keep all from a release: first those that still plan."""

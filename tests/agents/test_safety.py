@@ -18,9 +18,11 @@ def disturb(team: Team, rng: np.random.Generator, *, again: bool = False) -> Non
             head = int(rng.choice(off))
             dead = [h for h in team.epochs if h not in team.agents and h != head]
             team.add(head, epoch=2)
-            team.fronts[head].asked += [Fenced(h, team.epochs[h]) for h in dead]
+            team.fronts[head].asked.extend(Fenced(h, team.epochs[h]) for h in dead)
             return
     heads = sorted(team.agents)
+    if len(heads) < 2:
+        return
     head, other = (int(h) for h in rng.choice(heads, 2, replace=False))
     transport = team.network.transports[head]
     what = rng.integers(5)
