@@ -69,13 +69,12 @@ def test_a_wait_costs_no_time_that_was_not_waited(feeding: Feeding) -> None:
 
 def test_a_head_without_actions_stays_parked(made: Made) -> None:
     """The rest of a print may leave a head nothing to do."""
-    plan = made.document.plan
     empty = HeadActions(
         "left", *(np.zeros(0, t) for t in (np.int8, np.int32, np.bool_, np.int32)),
         np.zeros(1, np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(1, np.int64),
         *(np.zeros(0, t) for t in (np.int32, np.int32, np.int32, np.float64)),
     )  # fmt: skip
-    document = replace(made.document, plan=JointPlan((empty, plan.heads[1])))
+    document = replace(made.document, plan=JointPlan((empty,)))
     work = Work.of_plan(document, "left")
     feeding = Feeding(0, work)
     park = made.document.machine.heads[0].park
