@@ -113,14 +113,16 @@ class Fault:
     def __init__(self, kind: str, head: str, at_s: float) -> None:
         self.kind, self.head, self.at_s = kind, head, at_s
         self.asked: queue.Queue[str | None] = queue.Queue()
-        self.refused = threading.Event()
+        self.refused, self.whom = threading.Event(), head
         self.over = threading.Event()
         self.pids: Mapping[str, tuple[int, int]] = {}
         self.launcher: Launcher | None = None
 
     def report(self, event: Event) -> None:
         """Take a note of the run."""
-        if isinstance(event, Note) and "is not planned" in event.text:
+        asks = "is not planned", "say `fenced"
+        if isinstance(event, Note) and any(words in event.text for words in asks):
+            self.whom = self.head if asks[0] in event.text else event.text.partition(":")[0]
             self.refused.set()
 
     def start(self, pids: Mapping[str, tuple[int, int]]) -> None:
@@ -143,15 +145,12 @@ class Fault:
         process, number = SIGNALS[self.kind]
         agent, controller = self.pids[self.head]
         os.kill(agent if process == "agent" else controller, number)
-        if self.kind.startswith("controller"):
-            self.until(self.at_s + PERSON_S)
-            self.asked.put(f"fenced {self.head} park")
         while not self.over.wait(0.01):
             if self.refused.is_set():
                 assert self.launcher is not None
+                self.refused.clear()
                 self.until(self.launcher.clock.now() + PERSON_S)
-                self.asked.put(f"fenced {self.head} park")
-                break
+                self.asked.put(f"fenced {self.whom} park")
         self.asked.put(None)
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 
 from agents.running.port import Abort, Alive, Command, Pause, Ready, Release, Resume, Said, Start
 from agents.running.report import NOTHING, Reached, Report, newer
-from decmcts.print.plan import HeadActions, JointPlan
+from decmcts.print.plan import After, HeadActions, JointPlan
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
 
 LEAST_AHEAD = 2  # actions that are released ahead of the one that is carried out, if they may be
@@ -184,7 +184,7 @@ class Carrier:
         if not self.may_begin(plan):
             return next(head for head in plan.heads if not self._agrees(plan, head))
         for edge in actions.after_edges(self.released):
-            if not self._has_passed(plan, edge.head, edge.action, edge.point):
+            if not self.has_passed(plan, edge):
                 return plan.heads[edge.head]
         return None
 
@@ -230,7 +230,7 @@ class Carrier:
     ) -> bool:
         """Tell whether all that an action waits for has happened, lags included."""
         for edge in actions.after_edges(action):
-            if not self._has_passed(plan, edge.head, edge.action, edge.point):
+            if not self.has_passed(plan, edge):
                 return False
             if edge.lag_s > 0.0:  # counted from when it was heard: that is no sooner
                 of = self.heard_s.setdefault(plan.number, {})
@@ -239,13 +239,16 @@ class Carrier:
                     return False
         return True
 
-    def _has_passed(self, plan: NumberedPlan, place: int, action: int, point: int) -> bool:
+    def has_passed(self, plan: NumberedPlan, edge: After) -> bool:
+        """Tell whether what an action of a plan waits for has happened, as far as is known."""
+        place, action, point = edge.head, edge.action, edge.point
         head = plan.heads[place]
         if head == self.head:
             return self.released > action  # its own order keeps that
         if head in self.fenced:
             number, reached = self.fenced[head]
-            return number > plan.number or (number == plan.number and reached.passed(action, point))
+            if number >= plan.number:  # of a later plan, that takes it to its park, it tells itself
+                return number > plan.number or reached.passed(action, point)
         report = self.reports.get(head)
         if report is None or report.number < plan.number:
             return False

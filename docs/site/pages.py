@@ -25,6 +25,7 @@ CONTENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "docs/gallery",
             "docs/first-print-on-two-heads",
             "docs/simulate",
+            "docs/run",
             "docs/replan",
             "docs/experiments",
             "docs/machine-format",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,9 @@ class Work:
         """Return the work of the head of that name."""
         h = [actions.head for actions in document.plan.heads].index(name)
         actions, program = document.plan.heads[h], programs_of_plan(document, queue)[h]
+        if not len(actions):  # it stays where it is parked
+            park = next(one.park for one in document.machine.heads if one.name == name)
+            program = replace(program, points=np.array([park]))
         profile, wrong = profile_of(program, queue), error(program)
         first = np.searchsorted(program.action, np.arange(len(actions) + 1)).astype(np.int64)
         motion = np.diff(np.concatenate([[0.0], np.cumsum(profile.seconds)])[first])
@@ -83,8 +86,10 @@ class Work:
 
     def at(self, action: int, seconds: float) -> Point:
         """Return where the nozzle is so long after an action's first move began."""
+        if action >= len(self) or seconds <= 0.0:
+            return _place(self.program.points[int(self.first[min(action, len(self))])])
         a, b = int(self.first[action]), int(self.first[action + 1])
-        if a == b or seconds <= 0.0:
+        if a == b:
             return self.corner(action)
         ends, factor, its = self.ends(action), self.error.factor[a:b], self.profile
         course = Course(

@@ -319,3 +319,16 @@ def test_a_model_of_several_seeds_counts_once(run, tmp_path):
     run("planners", ["--table-only", "--planners", "hybrid,local"], tmp_path)
     text = (tmp_path / "planners.md").read_text()
     assert "| mk4s seam | keep | 3 | 20.0 (15.0 to 35.0) | 20.0 (15.0 to 30.0) |" in text
+
+
+@pytest.mark.slow
+def test_a_failure_and_a_lossy_run_are_carried_out(run, tmp_path):
+    """Real processes on a print made by the benchmark; all is printed once, and nothing touches."""
+    options = ["--prints", "towers:2", "--failures", "1", "--lossy", "1", "--time-limit", "0.5"]
+    run("runs", options, tmp_path)
+    clog, lossy = csv.DictReader((tmp_path / "runs.csv").read_text().splitlines())
+    for row in (clog, lossy):
+        assert not row["error"] and row["complete"] == "1" and row["contacts"] == "0"
+        assert row["twice"] == "0" and abs(float(row["lost_mm"])) < 1.0
+    assert float(clog["clairvoyant"]) > 0.9 and float(clog["waiting"]) < 1.0
+    assert "towers:2" in (tmp_path / "runs.md").read_text()

@@ -9,7 +9,7 @@ from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Packet
 from agents.running.carrier import Carrier, NumberedPlan, committed
 from agents.running.port import Pause, Ready, Release, Resume, Start
-from agents.running.report import KIND, NOTHING, Reached, unpack_report
+from agents.running.report import KIND, NOTHING, Reached, Report, unpack_report
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind, PrintEvent
 from sim.controllers.feeding import Feeding, Work
@@ -197,3 +197,16 @@ def test_what_is_committed_needs_no_dead_head(made: Made, ended: int) -> None:
     if until[0] < len(plan.heads[0]):
         edges = plan.heads[0].after_edges(until[0])
         assert any(e.head == 1 and not stopped[1].passed(e.action, e.point) for e in edges)
+
+
+def test_a_fenced_head_that_parks_is_waited_for(made: Made) -> None:
+    """What it did before it failed is what the fence says; of the way to its park it tells."""
+    plan = made.document.plan
+    h, k = waiting(made.document)
+    carrier = Carrier(h)
+    (edge, *_) = [edge for edge in plan.heads[h].after_edges(k) if edge.head != h]
+    before, later = (NumberedPlan(n, "plan", DIGEST, plan, (0, 1)) for n in (0, 1))
+    carrier.fence(1 - h, 0, NOTHING)
+    carrier.take_report(Report(1 - h, 1, 1, DIGEST, Reached(edge.action + 1)))
+    assert not carrier.has_passed(before, edge)
+    assert carrier.has_passed(later, edge)

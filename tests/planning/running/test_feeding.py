@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from decmcts.print.plan import HeadActions, JointPlan
 from decmcts.print.print_events import EventKind
 from sim.controllers.feeding import Feeding, Work
 from tests.planning.replanning.conftest import Made
@@ -63,3 +65,17 @@ def test_a_wait_costs_no_time_that_was_not_waited(feeding: Feeding) -> None:
     feeding.release(2, 100.0)
     (began, *_) = feeding.step(1e6)
     assert began.time_s >= max(free_s, 100.0)
+
+
+def test_a_head_without_actions_stays_parked(made: Made) -> None:
+    """The rest of a print may leave a head nothing to do."""
+    empty = HeadActions(
+        "left", *(np.zeros(0, t) for t in (np.int8, np.int32, np.bool_, np.int32)),
+        np.zeros(1, np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(1, np.int64),
+        *(np.zeros(0, t) for t in (np.int32, np.int32, np.int32, np.float64)),
+    )  # fmt: skip
+    document = replace(made.document, plan=JointPlan((empty,)))
+    work = Work.of_plan(document, "left")
+    feeding = Feeding(0, work)
+    park = made.document.machine.heads[0].park
+    assert work.at(0, 1.0) == feeding.at(5.0) == park and list(feeding.step(9.0)) == []
