@@ -309,7 +309,7 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=100.0)
     options: argparse.Namespace = parser.parse_args()
     rows = Rows(options.results / "runs.csv", KEY)
-    todo = [(options.prints[n % len(options.prints)], KINDS[n // len(options.prints) % len(KINDS)],
+    todo = [(options.prints[n % len(options.prints)], KINDS[(n + n // len(options.prints)) % len(KINDS)],
              n) for n in range(options.failures)]  # fmt: skip
     todo += [(options.prints[n % len(options.prints)], LOSSY, n) for n in range(options.lossy)]
     for name, kind, n in todo:
