@@ -309,9 +309,10 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=100.0)
     options: argparse.Namespace = parser.parse_args()
     rows = Rows(options.results / "runs.csv", KEY)
-    todo = [(options.prints[n % len(options.prints)], KINDS[n // len(options.prints) % len(KINDS)],
-             n) for n in range(options.failures)]  # fmt: skip
-    todo += [(options.prints[n % len(options.prints)], LOSSY, n) for n in range(options.lossy)]
+    prints, kinds = options.prints, len(KINDS)
+    todo = [(prints[n % len(prints)], KINDS[(n + n // len(prints)) % kinds], n)
+            for n in range(options.failures)]  # fmt: skip
+    todo += [(prints[n % len(prints)], LOSSY, n) for n in range(options.lossy)]
     for name, kind, n in todo:
         key = dict(zip(KEY, (name, kind, n, options.time_limit, options.speed), strict=True))
         if options.table_only or rows.has(**key):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import threading
 from pathlib import Path
@@ -192,15 +193,22 @@ def table_of(view: RunView) -> Table:
 
 
 def _lines() -> Queue[str | None]:
-    """Return where lines of standard input arrive; a thread reads them."""
+    """Return where lines of standard input arrive; a thread reads them.
+
+    Not by `sys.stdin`: a thread within a buffered read aborts the interpreter's end.
+    """
     found: Queue[str | None] = Queue()
 
     def work() -> None:
+        rest = b""
         try:
-            for line in sys.stdin:
-                found.put(line)
-        except (OSError, ValueError):
+            while chunk := os.read(sys.stdin.fileno(), 4096):
+                *lines, rest = (rest + chunk).split(b"\n")
+                for line in lines:
+                    found.put(line.decode(errors="replace"))
+        except (OSError, ValueError, AttributeError):
             pass  # there is none
+        found.put(rest.decode(errors="replace"))
         found.put(None)
 
     threading.Thread(target=work, name="control", daemon=True).start()

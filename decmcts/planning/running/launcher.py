@@ -26,7 +26,7 @@ from agents.networks.meeting import Meeting
 from agents.running.carrier import committed
 from agents.running.clock import PrintClock
 from agents.running.heads import HeadProcesses, Recorded
-from agents.running.port import ABORTED, SILENT, SILENT_S, Alive, Ready
+from agents.running.port import ABORTED, SILENT, SILENT_S, Ready
 from agents.running.report import Reached
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
@@ -35,14 +35,13 @@ from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.fenced import fenced_places
 from decmcts.planning.running.options import (
     Failure,
-    HeadView,
     RunOptions,
-    RunView,
     Show,
     unseen,
 )
 from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.renewing import Begin, News, NotRenewed, Parking, Renewed, renew
+from decmcts.planning.running.standing import Standing, view_of
 from decmcts.print.figures import clock_time
 from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind, PlanDocument
@@ -57,27 +56,6 @@ SHOWN_S = 0.25
 WAITING = 1e-6  # pace of the clock until all heads are there
 AGENT, BUS = "its agent was lost", "it lost the bus"
 PERSON = "say `fenced {name} park` or `fenced {name} X,Y,Z` once it is sure to be off"
-
-
-@dataclass(slots=True)
-class Standing:
-    """What is known of one head."""
-
-    name: str
-    number: int = -1  # of the plan its controller holds
-    ready: bool = False
-    done: bool = False
-    paused: bool = False
-    waits_for: int | None = None
-    missing: tuple[int, ...] = ()  # heads its agent does not hear
-    pulse_at: float = -math.inf
-    agent_gone: str = ""
-    replaced: bool = False  # its agent; that the one before has ended was not heard yet
-    controller_gone: str = ""
-    at: Point | None = None
-    fenced: bool = False
-    parks: bool = False  # it prints no more, but its controller takes it to its park
-    failure: Failure | None = None
 
 
 @dataclass(slots=True)
@@ -209,7 +187,7 @@ class Launcher:
         now = time.monotonic()
         if now - self._shown_at > SHOWN_S:
             self._shown_at = now
-            self.show(self.view())
+            self.show(view_of(self.heads, self.plans, self.clock.now()))
 
     def _keep_pace(self) -> None:
         """Let time pass as in the world while heads are planned for, and take up what is planned.
@@ -259,13 +237,11 @@ class Launcher:
                 head.controller_gone = head.controller_gone or "its controller ended"
             case Ready(number, _):
                 head.number = number
-            case Alive(_, at):
-                head.at = at
             case PrintEvent() as event if head.number >= 0:
                 carried = self.plans[head.number]
                 place = carried.heads.index(item.head)
                 carried.take(item.head, replace(event, head=place))
-                head.at, self._event_at = event.at, time.monotonic()
+                self._event_at = time.monotonic()
                 if event.kind is EventKind.FAILED:
                     self._fail(item.head, event.what)
                     self._fence(item.head, event.at, event.what)
@@ -293,10 +269,7 @@ class Launcher:
             case None:
                 process = self.processes[item.head].agent
                 head.agent_gone = process.ending() or "its agent ended"
-            case {"event": "ready"}:
-                head.ready = True
             case {"event": "stands"} as line:
-                head.done = bool(line["done"]) and line["number"] == head.number
                 head.paused, head.waits_for = bool(line["paused"]), line["waits_for"]
                 head.missing = tuple(line["missing"])
             case {"event": "held", "number": number, "released": released}:
@@ -622,33 +595,3 @@ class Launcher:
             rows = actions.kind[:ended] == ActionKind.PRINT
             done.update(actions.contour[:ended][rows].tolist())
         return contours - len(done) + self.left_out
-
-    def view(self) -> RunView:
-        """Return what is shown now."""
-        found = []
-        for h, head in enumerate(self.heads):
-            carried = self.plans[max(head.number, 0)]
-            if h not in carried.heads:
-                continue
-            reached = carried.reached.get(h, Reached())
-            actions = carried.document.plan.heads[carried.heads.index(h)]
-            share = reached.ended / max(len(actions), 1)
-            if head.failure is not None:
-                does = f"{'off' if head.fenced else 'lost'}: {head.failure.why}"
-            elif head.paused:
-                does = "paused"
-            elif not carried.is_print:
-                does = "goes to its park"
-            elif reached.begun and reached.ended < len(actions):
-                does = _DOES[ActionKind(int(actions.kind[reached.ended]))]
-            else:
-                does = "stands"
-            waits = "" if head.waits_for is None else self.heads[head.waits_for].name
-            found.append(HeadView(head.name, does, share, waits if does == "stands" else ""))
-        return RunView(self.clock.now(), self.document.plan.makespan_s, tuple(found))
-
-
-_DOES = {
-    ActionKind.PRINT: "prints", ActionKind.TRAVEL: "travels", ActionKind.PARK: "parks",
-    ActionKind.WAIT: "rests",
-}  # fmt: skip

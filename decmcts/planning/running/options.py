@@ -44,12 +44,12 @@ class RunOptions:
     left_beads: LeftBeads = LeftBeads.FINISH
 
     def __post_init__(self) -> None:
-        for name, value, most in (
-            ("speed", self.speed, MOST_SPEED), ("loss", self.loss, 0.9),
-            ("delay", self.delay_s, 60.0), ("replan time", self.replan_s, 86_400.0),
+        for name, value, least, most in (
+            ("speed", self.speed, 0.01, MOST_SPEED), ("loss", self.loss, 0.0, 0.9),
+            ("delay", self.delay_s, 0.0, 60.0), ("replan time", self.replan_s, 0.0, 86_400.0),
         ):  # fmt: skip
-            if not 0.0 <= value <= most or (name == "speed" and value < 0.01):
-                raise InputError(f"{name} is {value:g}, must be from 0 to {most:g}")
+            if not least <= value <= most:
+                raise InputError(f"{name} is {value:g}, must be from {least:g} to {most:g}")
 
 
 RUN_OPTIONS = RunOptions()
