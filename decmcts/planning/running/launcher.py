@@ -360,7 +360,7 @@ class Launcher:
         plan = carried.document.plan
         whole = committed(plan, least, stopped, math.inf)
         state = self._state(carried, whole)
-        if state.done.all() or (not carried.is_print and self._is_all_printed()):
+        if _is_whole(state) or (not carried.is_print and self._is_all_printed()):
             self._limit(carried, whole)
             self._unplanned.clear()
             return
