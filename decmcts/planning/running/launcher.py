@@ -361,7 +361,7 @@ class Launcher:
         plan = carried.document.plan
         whole = committed(plan, least, stopped, math.inf)
         state = self._state(carried, whole)
-        if state.done.all() or (not carried.is_print and self._is_all_printed()):
+        if _is_whole(state) or (not carried.is_print and self._is_all_printed()):
             self._limit(carried, whole)
             self._unplanned.clear()
             return
@@ -395,7 +395,7 @@ class Launcher:
 
     def _is_all_printed(self) -> bool:
         carried = self._printing()
-        return bool(self._state(carried, [carried.count(h) for h in carried.heads]).done.all())
+        return _is_whole(self._state(carried, [carried.count(h) for h in carried.heads]))
 
     def _state(self, carried: Carried, until: list[int]) -> PrintState:
         """Return what is printed when each head has gone on up to an action."""
@@ -595,3 +595,8 @@ class Launcher:
             rows = actions.kind[:ended] == ActionKind.PRINT
             done.update(actions.contour[:ended][rows].tolist())
         return contours - len(done) + self.left_out
+
+
+def _is_whole(state: PrintState) -> bool:
+    """Tell whether nothing is left to print, broken beads included."""
+    return bool(state.done.all()) and not state.broken
