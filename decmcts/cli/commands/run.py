@@ -29,7 +29,12 @@ from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.options import Failure, RunOptions, RunView
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
-from decmcts.planning.writing.places import put, refuse_stdout, refuse_unwritable
+from decmcts.planning.writing.places import (
+    put,
+    refuse_other_suffixes,
+    refuse_stdout,
+    refuse_unwritable,
+)
 from decmcts.print.figures import clock_time
 from sim.controllers.motion import QUEUE
 from sim.controllers.timing import Timing
@@ -103,6 +108,7 @@ def run(
     replan_time: ReplanOption = 5.0,
     left_beads: LeftOption = LeftBeads.FINISH,
     events: EventsOption = None,
+    report: opt.ReportOption = None,
     watch: WatchOption = False,
     as_json: opt.JsonOption = False,
 ) -> None:
@@ -120,8 +126,9 @@ def run(
             "adversarial delays are those of a whole print, looked up before it begins",
             advice="use `decmcts simulate --timing adversarial`",
         )
-    refuse_unwritable([events], plan, *([] if source is None else [source]))
+    refuse_unwritable([events, report], plan, *([] if source is None else [source]))
     refuse_stdout(events, "--events")
+    refuse_other_suffixes(None, report, None)
     options = RunOptions(speed, timing, error, seed, queue, loss, delay, replan_time, left_beads)
     document = read_plan(plan)
     if source is not None and is_mesh(source):
@@ -132,16 +139,22 @@ def run(
         )  # fmt: skip
         with _Watch(shown=watch) as window:
 
-            def report(event: Event) -> None:
+            def passed_on(event: Event) -> None:
                 if isinstance(event, Note) or not watch:
                     told(event)
 
             result = carry_out(
-                document, found, options, asked=_lines(), report=report, show=window.show
+                document, found, options, asked=_lines(), report=passed_on, show=window.show
             )
         if events is not None:
             told(Step("writing events"))
             _write_events(result, events)
+        if report is not None:
+            from sim.pictures.report import write_run_report  # it loads for those who ask
+
+            told(Step("writing the report"))
+            log, touched = result.logs()[0], result.contacts
+            write_run_report(report, document, log, file=plan.name, contacts=touched)
     if as_json:
         print_json("decmcts-run/1", figures(result))
     else:
