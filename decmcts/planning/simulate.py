@@ -16,6 +16,7 @@ from decmcts.jit import cache_folder
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import PlanDocument
+from sim.controllers.cooling import too_soon
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.motion import QUEUE
@@ -40,6 +41,8 @@ class Simulated:
     simulation: Simulation
     machine: Machine
     plan: PlanDocument | None  # None: files without a plan
+
+    cools: bool = False  # whether the plan's rule of cooling was looked at
 
     @property
     def planned_s(self) -> float | None:
@@ -98,11 +101,12 @@ def simulate(
     def told(done: int, of: int) -> None:
         report(Step("running with errors of time", done, of))
 
+    judged = plan if plan is not None and not files and plan.min_layer_time_s > 0.0 else None
     found = run(
         programs, chosen, timing=timing, size=size, trials=trials, seed=seed, queue=queue,
-        told=told,
+        told=told, too_soon=lambda one: too_soon(judged, programs, one) if judged else (),
     )  # fmt: skip
-    return Simulated(found, chosen, plan)
+    return Simulated(found, chosen, plan, judged is not None)
 
 
 def _refuse(size: float, trials: int, queue: int) -> None:

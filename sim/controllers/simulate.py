@@ -6,7 +6,7 @@ The first run has no error of time; all else that is reported of heads is of tha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Contact, Near, course_of, nearness, positions
 from sim.controllers.program import Floats, HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
+from sim.rules.cooling import TooSoon
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,7 @@ class Trial:
     makespan_s: float  # inf: some head waits for ever
     near: tuple[Near, ...]
     stuck: tuple[tuple[int, int], ...] = ()  # head and stop
+    too_soon: tuple[TooSoon, ...] = ()  # what is printed over before it is cool
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
@@ -100,6 +102,7 @@ def simulate(
     programs: Sequence[HeadProgram], machine: Machine, *, timing: Timing = Timing.NONE,
     size: float = 0.2, trials: int = 1, seed: int = 0, queue: int = QUEUE,
     told: Callable[[int, int], None] = lambda _done, _of: None,
+    too_soon: Callable[[Run], tuple[TooSoon, ...]] = lambda _run: (),
 ) -> Simulation:  # fmt: skip
     """Run programs of all heads of a machine together.
 
@@ -113,6 +116,8 @@ def simulate(
         Moves that a controller plans ahead.
     told : Callable
         Called with how many trials are done, and of how many; 0: not known.
+    too_soon : callable
+        Returns what a run prints over before it is cool.
 
     References
     ----------
@@ -124,17 +129,18 @@ def simulate(
     rest_s = machine.rest_s if len(programs) > 1 else 0.0
     seconds = [profile.seconds for profile in profiles]
 
-    def run_with(errors: Sequence[Error]) -> Run:
-        return carry_out(programs, seconds, errors, rest_s)
+    def trial(name: str, errors: Sequence[Error], run: Run) -> Trial:
+        found = _trial(name, programs, profiles, errors, run, machine, heads)
+        return replace(found, too_soon=too_soon(run))
 
     errors = [no_error(program) for program in programs]
-    nominal = run_with(errors)
-    found = [_trial("no error", programs, profiles, errors, nominal, machine, heads)]
+    nominal = carry_out(programs, seconds, errors, rest_s)
+    found = [trial("no error", errors, nominal)]
     drawn = _errors(programs, nominal, machine, heads, timing, size, trials, seed)
     expected = trials if timing not in (Timing.NONE, Timing.ADVERSARIAL) else 0
     for n, (name, errors) in enumerate(drawn, 1):
         told(n, expected)
-        found.append(_trial(name, programs, profiles, errors, run_with(errors), machine, heads))
+        found.append(trial(name, errors, carry_out(programs, seconds, errors, rest_s)))
     begin, end, waits = (
         _begin(programs, nominal),
         _end(programs, nominal),

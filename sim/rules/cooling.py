@@ -40,6 +40,22 @@ Recent = tuple[int, NDArray[Any], Floats]  # a contour, which ended before it, h
 
 
 @dataclass(frozen=True, slots=True)
+class TooSoon:
+    """A contour that begins too short a time after one under it."""
+
+    contour: int
+    under: int
+    gap_s: float
+    due_s: float
+
+    def __str__(self) -> str:
+        return (
+            f"contour {self.contour} begins {self.gap_s:.1f} s after contour {self.under} under "
+            f"it, {self.due_s:.1f} s are due"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class _Stack:
     """The contours on top of each other, and when the source prints them."""
 
@@ -77,8 +93,28 @@ def check_cooling(
     else:
         recent = _recent_of_all(legs, order, _of_legs(legs, arrivals, seconds), rule)
     stack = _Stack.of(document.contours, rule, work)
-    lines = [line for b, a, gap in recent for line in _too_soon(stack, b, a, gap)]
+    lines = [str(each) for b, a, gap in recent for each in _too_soon(stack, b, a, gap)]
     return listed(FaultKind.COOLING, lines)
+
+
+def too_soon_in(document: PlanDocument, begin: Floats, end: Floats) -> Iterator[TooSoon]:
+    """Yield what breaks the plan's rule where contours begin and end at these seconds, (n,).
+
+    inf: it is never printed. Complexity O(contours × those that end within the rule).
+    """
+    rule, work = document.min_layer_time_s, np.zeros(len(document.contours))
+    if rule <= 0.0:
+        return
+    for actions in document.plan.heads:
+        prints = actions.kind == ActionKind.PRINT
+        work[actions.contour[prints]] = (actions.end_s - actions.begin_s)[prints]
+    stack = _Stack.of(document.contours, rule, work)
+    order = np.argsort(end)
+    first = np.searchsorted(end[order], begin - rule, side="right")
+    last = np.searchsorted(end[order], begin, side="right")
+    for b in np.flatnonzero(np.isfinite(begin)).tolist():
+        recent = order[first[b] : last[b]]
+        yield from _too_soon(stack, b, recent, begin[b] - end[recent])
 
 
 def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
@@ -135,8 +171,8 @@ def _of_legs(legs: Legs, arrivals: list[Floats], seconds: list[Floats]) -> list[
     return taken
 
 
-def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iterator[str]:
-    """Yield a line for each contour under b that ended too short a time before it."""
+def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iterator[TooSoon]:
+    """Yield each contour under b that ended too short a time before it."""
     contours, rule, before = stack.contours, stack.rule, stack.before
     top, floor = stack.top, stack.floor
     half = contours.height[b] / 2
@@ -150,7 +186,7 @@ def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iter
         last = next((c for c in under[::-1].tolist() if _over(contours, c, b)), a)
         due = min(rule, float(before[b] - before[last + 1]))
         if gap < due - SLACK_S:
-            yield f"contour {b} begins {gap:.1f} s after contour {a} under it, {due:.1f} s are due"
+            yield TooSoon(b, a, gap, due)
 
 
 def _seconds(actions: HeadActions, arrivals: Floats) -> Floats:

@@ -66,6 +66,31 @@ def test_no_error_of_time_makes_heads_touch(made, timing):
     assert min(trial.near[0].rail_mm for trial in found.trials) > -1e-3
 
 
+def test_what_errors_of_time_leave_no_time_to_cool_is_counted(made, tmp_path):
+    """Against a look at all pairs of contours, by the times of a run on time."""
+    plan = json.loads(made[0].read_text())
+    assert not simulate([made[0]]).cools  # it has no rule
+    plan["min_layer_time_s"] = 400.0
+    ruled = tmp_path / "ruled.json"
+    ruled.write_text(json.dumps(plan))
+    found = simulate([ruled], timing=Timing.UNIFORM, size=0.9, trials=3)
+    on_time, *late = found.simulation.trials
+    assert found.cools and sum(len(trial.too_soon) for trial in late) > 0
+    run, programs = found.simulation.run, found.simulation.programs
+    contours = found.plan.contours
+    times = {}
+    for actions, program, head in zip(found.plan.plan.heads, programs, run.heads, strict=True):
+        for a in np.flatnonzero(actions.contour >= 0).tolist():
+            moves = np.flatnonzero(program.action == a)
+            times[int(actions.contour[a])] = head.begin[moves[0]], head.end[moves[-1]]
+    for each in on_time.too_soon + late[0].too_soon:
+        assert each.under < each.contour and each.gap_s < each.due_s <= 400.0
+        floor = contours.bottom[each.contour] - contours.height[each.contour]
+        assert contours.top[each.under] == pytest.approx(floor)
+    for each in on_time.too_soon:
+        assert each.gap_s == pytest.approx(times[each.contour][0] - times[each.under][1])
+
+
 @pytest.mark.parametrize("spoil", [waits_dropped, one_wait_dropped])
 def test_a_plan_without_its_waits_is_seen_to_collide(made, tmp_path, spoil):
     """The simulator can see what it is there to see."""

@@ -28,7 +28,7 @@ from decmcts.planning.writing.places import (
 from decmcts.print.figures import clock_time
 from sim.controllers.events import events_of
 from sim.controllers.motion import QUEUE
-from sim.controllers.simulate import Trial
+from sim.controllers.simulate import Simulation, Trial
 from sim.controllers.timing import Timing
 
 Inputs = Annotated[
@@ -206,6 +206,8 @@ def _of_trial(trial: Trial, names: list[str], zero: float) -> dict[str, Any]:
         "name": trial.name,
         "makespan_s": trial.makespan_s,
         "waits_for_ever": [names[h] for h, _ in trial.stuck],
+        "too_soon": len(trial.too_soon),
+        "too_soon_s": max((each.due_s - each.gap_s for each in trial.too_soon), default=0.0),
         "nearest": [
             {"heads": [names[h] for h in near.heads], "gap_mm": near.gap_mm,
              "rail_mm": near.rail_mm, "time_s": near.time_s - zero, "at": near.at}
@@ -270,6 +272,8 @@ def nearest_lines(found: Simulated) -> list[str]:
             f"with errors of time, {len(ends)} times: print time {clock_time(min(ends))} to "
             f"{clock_time(max(ends))}"
         )
+    if found.cools:
+        lines.append(cooling_line(simulation))
     touch = simulation.contacts
     if len(names) > 1:
         lines.append(f"{touch} contact{'s' * (touch != 1)} of heads")
@@ -279,3 +283,16 @@ def nearest_lines(found: Simulated) -> list[str]:
     if touch:
         err.print("heads touch: these files must not be run together", soft_wrap=True)
     return lines
+
+
+def cooling_line(simulation: Simulation) -> str:
+    """Return how often, and by how much, spots were printed over too soon."""
+    trials = simulation.trials
+    short = [each.due_s - each.gap_s for trial in trials for each in trial.too_soon]
+    if not short:
+        return f"no spot is printed over too soon in {len(trials)} run{'s' * (len(trials) > 1)}"
+    broken = sum(bool(trial.too_soon) for trial in trials)
+    return (
+        f"printed over too soon: {len(short):,} contours in {broken} of {len(trials)} runs, by "
+        f"{max(short):.1f} s at most"
+    )
