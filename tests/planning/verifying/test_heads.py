@@ -125,7 +125,7 @@ def test_how_filament_is_counted_may_change_in_the_print(tmp_path: Path) -> None
         rows += [";LAYER_CHANGE"] * (row == ";LAYER_CHANGE")
     source.write_text("\n".join([*rows, "M104 S0", "M84", ""]))
     stem = str(tmp_path / "part")
-    assert run(["launch", str(source), "--time-limit", "0.5", "-o", stem]) == 0
+    assert run(["launch", str(source), "--cut", "none", "--time-limit", "0.5", "-o", stem]) == 0
     files = [f"{stem}_{name}.gcode" for name in ("left", "right")]
     assert run(["verify", *files, "--source", str(source)]) == 0
 
