@@ -68,6 +68,7 @@ SIGNALS = {  # of which process
 }  # fmt: skip
 LOSSY = "lossy"
 PERSON_S = 60.0  # after which somebody is there
+MOST_ASKED = 3  # times that person says where a head stands
 REPAIR_S = 1800.0  # after which a person who repairs has done so
 LOSS, DELAY_S = 0.2, 0.5
 ROWS_MM = (100.0, 145.0)
@@ -145,7 +146,9 @@ class Fault:
         process, number = SIGNALS[self.kind]
         agent, controller = self.pids[self.head]
         os.kill(agent if process == "agent" else controller, number)
-        while not self.over.wait(0.01):
+        for _ in range(MOST_ASKED):  # what cannot be planned then is left
+            while not self.over.wait(0.01) and not self.refused.is_set():
+                pass
             if self.refused.is_set():
                 assert self.launcher is not None
                 self.refused.clear()
