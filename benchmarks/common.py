@@ -151,7 +151,7 @@ Run = Callable[[dict[str, Any]], dict[str, Any]]
 
 def run_missing(rows: Rows, keys: Iterable[dict[str, Any]], run: Run, *, jobs: int = 1) -> None:
     """Make the runs that are not there yet, `jobs` at a time, a row each as they end."""
-    missing = [key for key in keys if not rows.has(**key)]
+    missing = rows.missing(keys)
     with ThreadPoolExecutor(jobs) as pool:
         try:
             for done in as_completed([pool.submit(run, key) for key in missing]):

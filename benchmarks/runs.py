@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from common import Rows, arguments, grouped, markdown, median, names, setting
+from common import Rows, arguments, grouped, markdown, median, names, run_missing, setting
 from shared_by_many import source_for
 from team_prints import plate_path
 
@@ -316,12 +316,9 @@ def main() -> None:
     todo = [(prints[n % len(prints)], KINDS[(n + n // len(prints)) % kinds], n)
             for n in range(options.failures)]  # fmt: skip
     todo += [(prints[n % len(prints)], LOSSY, n) for n in range(options.lossy)]
-    for name, kind, n in todo:
-        key = dict(zip(KEY, (name, kind, n, options.time_limit, options.speed), strict=True))
-        if options.table_only or rows.has(**key):
-            continue
-        rows.append(run(key))
-        print(rows.rows[-1], flush=True)
+    limits = options.time_limit, options.speed
+    if not options.table_only:
+        run_missing(rows, [dict(zip(KEY, (*each, *limits), strict=True)) for each in todo], run)
     said = setting(note=options.note, time_limit=f"{options.time_limit:g} s",
                    speed=f"{options.speed:g}")  # fmt: skip
     (options.results / "runs.md").write_text(report(rows, said))

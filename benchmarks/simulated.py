@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import Rows, arguments, grouped, markdown, measured, median, setting
+from common import Rows, arguments, grouped, markdown, measured, median, run_missing, setting
 from team_prints import plate_path
 
 from decmcts.formats.plans.plan_json import read_plan
@@ -144,13 +144,13 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=27)
     options: argparse.Namespace = parser.parse_args()
     rows = Rows(options.results / "simulated.csv", KEY)
-    for seed, model in product(options.seeds, options.models):
-        values = (options.machine, model, options.time_limit, options.trials, seed)
-        key = dict(zip(KEY, values, strict=True))
-        if options.table_only or rows.has(**key):
-            continue
-        rows.append(run(key))
-        print(rows.rows[-1], flush=True)
+    always = options.time_limit, options.trials
+    keys = [
+        dict(zip(KEY, (options.machine, model, *always, seed), strict=True))
+        for seed, model in product(options.seeds, options.models)
+    ]
+    if not options.table_only:
+        run_missing(rows, keys, run)
     said = setting(note=options.note, time_limit=f"{options.time_limit:g} s")
     (options.results / "simulated.md").write_text(report(rows, said))
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import Rows, arguments, grouped, markdown, measured, median, setting
+from common import Rows, arguments, grouped, markdown, measured, median, run_missing, setting
 from team_prints import plate_path
 
 from decmcts.formats.plans.plan_json import read_plan
@@ -130,13 +130,12 @@ def main() -> None:
     factors, moments = (
         [float(v) for v in text.split(",")] for text in (options.slower, options.moments)
     )
-    for seed, model, slower, moment in product(options.seeds, options.models, factors, moments):
-        values = (options.machine, model, options.time_limit, slower, moment, seed)
-        key = dict(zip(KEY, values, strict=True))
-        if options.table_only or rows.has(**key):
-            continue
-        rows.append(run(key))
-        print(rows.rows[-1], flush=True)
+    keys = [
+        dict(zip(KEY, (options.machine, model, options.time_limit, *more, seed), strict=True))
+        for seed, model, *more in product(options.seeds, options.models, factors, moments)
+    ]
+    if not options.table_only:
+        run_missing(rows, keys, run)
     said = setting(note=options.note, time_limit=f"{options.time_limit:g} s")
     (options.results / "slower_heads.md").write_text(report(rows, said))
 

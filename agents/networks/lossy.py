@@ -51,10 +51,9 @@ class LossyTransport:
             if not isinstance(arrival, Packet):
                 found.append(arrival)
                 continue
-            for _ in range(1 + int(self._rng.random() < self._weather.duplicate)):
-                if self._rng.random() >= self._weather.loss:
-                    due = time.monotonic() + float(self._rng.uniform(*self._weather.delay_s))
-                    heapq.heappush(self._late, (due, next(self._numbers), arrival))
+            for delay_s in self._weather.delays(self._rng):
+                due = time.monotonic() + delay_s
+                heapq.heappush(self._late, (due, next(self._numbers), arrival))
         while self._late and self._late[0][0] <= time.monotonic():
             found.append(heapq.heappop(self._late)[2])
         return found

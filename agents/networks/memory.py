@@ -9,7 +9,7 @@ head only after its lease.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from types import TracebackType
@@ -28,6 +28,12 @@ class Weather:
     delay_s: tuple[float, float] = (0.0, 0.0)  # uniform between
     duplicate: float = 0.0  # probability that it arrives twice
     lease_s: float = 1.0
+
+    def delays(self, rng: np.random.Generator) -> Iterator[float]:
+        """Yield how late each copy of a message arrives that is not lost, s."""
+        for _ in range(1 + int(rng.random() < self.duplicate)):
+            if rng.random() >= self.loss:
+                yield float(rng.uniform(*self.delay_s))
 
 
 class MemoryNetwork:
@@ -108,10 +114,8 @@ class MemoryNetwork:
         for to in sorted(self.transports):
             if to == packet.head or frozenset((to, packet.head)) in self._cut:
                 continue
-            copies = 1 + int(self._rng.random() < self.weather.duplicate)
-            for _ in range(copies):
-                if self._rng.random() >= self.weather.loss:
-                    self._fly(to, packet, float(self._rng.uniform(*self.weather.delay_s)))
+            for delay_s in self.weather.delays(self._rng):
+                self._fly(to, packet, delay_s)
 
     def _announce(self, transport: MemoryTransport, *, alive: bool, delay_s: float) -> None:
         for to in sorted(self.transports):

@@ -65,7 +65,6 @@ class Carrier:
     heard_s: dict[int, dict[tuple[int, int, int], float]] = field(default_factory=dict)
     out: list[Command] = field(default_factory=list)
     seq: int = 0
-    began: int = -1  # the newest plan of which this head has begun something
     agreed: int = -1  # the newest plan that all its heads held when this one began
     held: str = ""  # digest of the plan the controller holds
     _starting: tuple[int, str] | None = None
@@ -92,7 +91,6 @@ class Carrier:
                 if said.kind is EventKind.FAILED:
                     self.off = True
                 elif said.action != NO_ACTION:
-                    self.began = self.number
                     self.reached = self.reached.after(said)
 
     def take_report(self, report: Report) -> None:

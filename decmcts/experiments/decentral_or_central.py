@@ -18,7 +18,7 @@ from decmcts.experiments.in_memory import agreed, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import boxes, figure
 from decmcts.experiments.prints import names_of
-from decmcts.experiments.rows import Line, column, grouped, markdown, median, spread
+from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
 from decmcts.experiments.teams import figures, given, planned
 from decmcts.experiments.two_heads import machine_for
 from decmcts.planning.compiling.parts import PRINT, TEAM
@@ -97,34 +97,19 @@ def _planners(problem: TeamProblem, key: Key) -> Callable[[int], TeamPlanner]:
     return lambda head: follower(head) if head else central(head)
 
 
-def against(rows: Sequence[Line], planner: str, *fields: str) -> list[Line]:
-    """Return the rows with `ratio`: makespan over that of a planner in the same setting.
-
-    `fields` are what the setting is made of, beside print and seed.
-    """
-    same = ("print", "seed", *fields)
-    of = {tuple(r[f] for f in same): r for r in rows if r["planner"] == planner and not r["error"]}
-    return [
-        {**r, "ratio": str(float(r["makespan_s"]) / float(of[at]["makespan_s"]))}
-        for r in rows
-        if not r["error"] and (at := tuple(r[f] for f in same)) in of
-    ]
-
-
 def _equal(rows: Sequence[Line]) -> list[Line]:
-    return against([r for r in rows if r["setting"] == "equal time"], "dec-mcts")
+    """Return the rows of equal time, over dec-mcts."""
+    mine = [row for row in rows if row["setting"] == "equal time"]
+    return against(mine, lambda row: row["planner"] == "dec-mcts", "print", "seed")
 
 
 def _network(rows: Sequence[Line]) -> list[Line]:
     """Return the rows of networks, over decentral planning in calm weather."""
-    mine = [r for r in rows if r["setting"] == "network" and not r["error"]]
-    calm = {(r["print"], r["seed"]): r for r in mine
-            if (r["planner"], r["loss"], r["delay_s"]) == (DECENTRAL, "0.0", "0.0")}  # fmt: skip
-    return [
-        {**r, "ratio": str(float(r["makespan_s"]) / float(calm[at]["makespan_s"]))}
-        for r in mine
-        if (at := (r["print"], r["seed"])) in calm
-    ]
+    mine = [row for row in rows if row["setting"] == "network"]
+    calm = DECENTRAL, "0.0", "0.0"
+    return against(
+        mine, lambda row: (row["planner"], row["loss"], row["delay_s"]) == calm, "print", "seed"
+    )
 
 
 def _tables(rows: Sequence[Line]) -> str:

@@ -31,7 +31,7 @@ from decmcts.experiments.in_memory import Agreed, agreed, rounds_of, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure
 from decmcts.experiments.prints import names_of, print_file
-from decmcts.experiments.rows import Line, column, grouped, markdown, median, spread
+from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
 from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
 from decmcts.experiments.two_heads import machine_for
 from decmcts.feasibility.graph import DependencyGraph
@@ -226,16 +226,11 @@ def in_turn(key: Key) -> Launch:
 
 
 def _planned_rows(rows: Sequence[Line]) -> list[Line]:
-    """Return the rows of planning with `ratio`: makespan over that of the calm run."""
-    mine = [r for r in rows if r["phase"] == "planning" and not r["error"]]
-    same = ("print", "heads", "seed")
-    calm = {tuple(r[f] for f in same): float(r["makespan_s"]) for r in mine
-            if (r["loss"], r["fails"]) == ("0.0", "")}  # fmt: skip
-    return [
-        {**r, "ratio": str(float(r["makespan_s"]) / calm[at])}
-        for r in mine
-        if (at := tuple(r[f] for f in same)) in calm
-    ]
+    """Return the rows of planning, over the calm run."""
+    mine = [row for row in rows if row["phase"] == "planning"]
+    return against(
+        mine, lambda row: (row["loss"], row["fails"]) == ("0.0", ""), "print", "heads", "seed"
+    )
 
 
 def _printed_rows(rows: Sequence[Line]) -> list[Line]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +27,13 @@ class Rows:
 
     def has(self, **key: Any) -> bool:
         """Say whether a run with this key was made already, by this process or another."""
+        return not self.missing([key])
+
+    def missing(self, keys: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Return the keys of which no run was made already, by this process or another."""
         self.read()
-        wanted = tuple(str(key[name]) for name in self.key)
-        return any(self.key_of(row) == wanted for row in self.rows if not row.get("error"))
+        made = {self.key_of(row) for row in self.rows if not row.get("error")}
+        return [key for key in keys if tuple(str(key[name]) for name in self.key) not in made]
 
     def key_of(self, row: Line) -> tuple[str, ...]:
         """Return the values of a row that say which run it was."""
@@ -64,6 +68,20 @@ def grouped(rows: Iterable[Line], *fields: str) -> dict[tuple[str, ...], list[Li
         if not row["error"]:
             found.setdefault(tuple(row[name] for name in fields), []).append(row)
     return found
+
+
+def against(rows: Iterable[Line], is_base: Callable[[Line], bool], *same: str) -> list[Line]:
+    """Return the rows with `ratio`: makespan over that of the base row alike in these columns.
+
+    Rows with an error, and those that have no such base, are left out.
+    """
+    fine = [row for row in rows if not row["error"]]
+    base = {tuple(row[name] for name in same): row for row in fine if is_base(row)}
+    return [
+        {**row, "ratio": str(float(row["makespan_s"]) / float(base[at]["makespan_s"]))}
+        for row in fine
+        if (at := tuple(row[name] for name in same)) in base
+    ]
 
 
 def column(rows: Iterable[Line], name: str) -> list[float]:

@@ -123,7 +123,7 @@ def experiment(
             f"this is no table of the experiment {name}", path=csv, advice="name another folder"
         )
     keys = [{**key, "folder": own} for key in _keys(chosen, asked, time_limit_s, iterations, seeds)]
-    missing = [key for key in keys if not rows.has(**key)]
+    missing = rows.missing(keys)
     if missing:
         _compile(chosen, report)
         _make(chosen, rows, missing, jobs or os.cpu_count() or 1, executor, report)

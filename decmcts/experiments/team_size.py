@@ -10,7 +10,14 @@ from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import curve, figure
 from decmcts.experiments.prints import shown
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
-from decmcts.experiments.teams import alone_s, figures, given, planned
+from decmcts.experiments.teams import (
+    COLUMNS,
+    against_one_head,
+    alone_s,
+    columns_of,
+    given,
+    planned,
+)
 from decmcts.experiments.two_heads import machine_for
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
@@ -32,34 +39,22 @@ def _run(key: Key) -> Row:
     machine, middle = machine_for(key, max(2, heads), BED_MM)
     cut = Cut(key["cut"]) if heads > 1 else Cut.NONE
     what = given(key, machine, cut, middle=middle)
-    one_s = alone_s(what, key)
     if heads == 1:
-        return {"contours": len(what.whole.job.contours), "makespan_s": round(one_s, 2),
-                "one_head_s": round(one_s, 2), "speedup": 1.0, "most": 1.0, "waits": 0.0,
+        one_s = round(alone_s(what, key), 2)
+        return {"contours": len(what.whole.job.contours), "makespan_s": one_s,
+                "one_head_s": one_s, "speedup": 1.0, "most": 1.0, "waits": 0.0,
                 "idle": 0.0}  # fmt: skip
     document, _ = planned(what, key)
-    row = figures(what, document)
-    return {
-        **row,
-        "one_head_s": round(one_s, 2),
-        "speedup": round(one_s / row["makespan_s"], 4),
-        "most": round(one_s / row["bound_s"], 4),
-    }
+    return against_one_head(what, document, key)
 
 
 def _tables(rows: Sequence[Line]) -> str:
     lines = [
         [shown(name), cut, heads, spread(column(mine, "makespan_s"), 0),
-         spread(column(mine, "speedup"), 2), spread(column(mine, "most"), 2),
-         spread([100.0 * v for v in column(mine, "waits")], 1),
-         spread([100.0 * v for v in column(mine, "idle")], 1)]
+         *columns_of(mine)]
         for (name, cut, heads), mine in grouped(rows, "print", "cut", "heads").items()
     ]  # fmt: skip
-    return markdown(
-        lines,
-        ["print", "cut", "heads", "print time s", "times as fast", "at most", "waits %",
-         "done early %"],
-    )  # fmt: skip
+    return markdown(lines, ["print", "cut", "heads", "print time s", *COLUMNS])
 
 
 def _draw(rows: Sequence[Line]) -> Figure:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from decmcts._kernels.engine.lags import Lags
 from decmcts.experiments.kinds import Key, Row, stopping_of
 from decmcts.experiments.prints import MIDDLE_MM, Point, print_file
+from decmcts.experiments.rows import Line, column, spread
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules
@@ -32,6 +34,7 @@ from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
+COLUMNS = ["times as fast", "at most", "waits %", "done early %"]
 STEPS = 20_000  # of one head's annealing for each round of a team
 
 
@@ -118,6 +121,25 @@ def figures(what: Given, document: PlanDocument) -> Row:
         "waits": round((until - busy) / (heads * end), 4),
         "idle": round(1.0 - until / (heads * end), 4),
     }
+
+
+def against_one_head(what: Given, document: PlanDocument, key: Key) -> Row:
+    """Return the figures of a plan, and how much sooner it ends than one head alone."""
+    one_s, row = alone_s(what, key), figures(what, document)
+    return {
+        **row,
+        "one_head_s": round(one_s, 2),
+        "speedup": round(one_s / row["makespan_s"], 4),
+        "most": round(one_s / row["bound_s"], 4),
+    }
+
+
+def columns_of(rows: Sequence[Line]) -> list[str]:
+    """Return the columns `COLUMNS` of a table for rows of `against_one_head`."""
+    return [
+        spread(column(rows, "speedup"), 2), spread(column(rows, "most"), 2),
+        *(spread([100.0 * v for v in column(rows, name)], 1) for name in ("waits", "idle")),
+    ]  # fmt: skip
 
 
 def printing_s(document: PlanDocument) -> float:

@@ -42,24 +42,16 @@ def _runs(asked: Asked) -> Iterator[Key]:
 
 
 @lru_cache(maxsize=1)
-def _plan(name: str, folder: str, seconds: float, iterations: int, seed: int) -> PlanDocument:
-    """Return a joint plan; the runs of one print that a process makes in turn have the same."""
-    key = {
-        "print": name,
-        "folder": folder,
-        "seconds": seconds,
-        "iterations": iterations,
-        "seed": seed,
-    }
+def _plan(*of: str | float) -> PlanDocument:
+    """Return the joint plan of `PLANNED`; runs of one print in a process have the same."""
+    key = dict(zip(PLANNED, of, strict=True))
     machine, middle = machine_for(key, 2, 300.0)
     what = given(key, machine, Cut.INSIDE, middle=middle)
     return planned(what, key)[0]
 
 
 def _run(key: Key) -> Row:
-    document = _plan(
-        key["print"], key.get("folder", ""), key["seconds"], key["iterations"], key["seed"]
-    )
+    document = _plan(*(key.get(name, "") for name in PLANNED))
     programs = programs_of_plan(document)
     run = partial(
         simulate, machine=document.machine, timing=Timing(key["timing"]),

@@ -11,7 +11,7 @@ from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import curve, figure
 from decmcts.experiments.prints import Point, is_own, names_of, shown
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
-from decmcts.experiments.teams import alone_s, figures, given, planned
+from decmcts.experiments.teams import COLUMNS, against_one_head, columns_of, given, planned
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.rail_family import rail_machine
 from decmcts.planning.compiling.parts import PRINT, TEAM
@@ -50,29 +50,18 @@ def _run(key: Key) -> Row:
     machine, middle = machine_for(key, 2)
     what = given(key, machine, Cut(key["cut"]), middle=middle)
     document, _ = planned(what, key)
-    one_s, row = alone_s(what, key), figures(what, document)
     return {
-        **row,
-        "pieces": len(what.problem.job.contours),
-        "one_head_s": round(one_s, 2),
-        "speedup": round(one_s / row["makespan_s"], 4),
-        "most": round(one_s / row["bound_s"], 4),
-    }
+        **against_one_head(what, document, key), "pieces": len(what.problem.job.contours),
+    }  # fmt: skip
 
 
 def _tables(rows: Sequence[Line]) -> str:
     lines = [
         [shown(name), cut, mine[0]["contours"], spread(column(mine, "one_head_s"), 0),
-         spread(column(mine, "speedup"), 2), spread(column(mine, "most"), 2),
-         spread([100.0 * v for v in column(mine, "waits")], 1),
-         spread([100.0 * v for v in column(mine, "idle")], 1)]
+         *columns_of(mine)]
         for (name, cut), mine in grouped(rows, "print", "cut").items()
     ]  # fmt: skip
-    return markdown(
-        lines,
-        ["print", "cut", "contours", "one head s", "times as fast", "at most", "waits %",
-         "done early %"],
-    )  # fmt: skip
+    return markdown(lines, ["print", "cut", "contours", "one head s", *COLUMNS])
 
 
 def _draw(rows: Sequence[Line]) -> Figure:

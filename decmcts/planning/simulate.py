@@ -11,7 +11,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.own_machine import machine_of_text
-from decmcts.formats.plans.plan_json import read_plan
+from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.jit import cache_folder
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.print.machine import Head, Machine
@@ -178,8 +178,3 @@ def _refuse_others(
                 "plan",
                 path=path, advice="name the files that were made with this plan",
             )  # fmt: skip
-
-
-def is_plan(path: Path) -> bool:
-    """Tell whether a file is a plan, by its name."""
-    return path.name.lower().endswith((".json", ".json.gz"))

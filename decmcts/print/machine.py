@@ -7,7 +7,7 @@ Units mm, mm/s, mm/s².
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
@@ -124,6 +124,25 @@ class Machine:
     def limits_of(self, head: Head) -> MotionLimits:
         """Return the limits a head moves under: its own, else the machine's."""
         return self.limits if head.limits is None else head.limits
+
+    def head(self, name: str) -> Head:
+        """Return the head of a name, one that is there."""
+        return next(head for head in self.heads if head.name == name)
+
+    def of_heads(self, heads: Sequence[Head]) -> Machine:
+        """Return the machine with these of its heads, changed or not, and the rails between them.
+
+        One that is left by itself moves under the limits it has.
+        """
+        if len(heads) == 1:
+            return self.alone(heads[0])
+        names = {head.name for head in heads}
+        rails = [
+            replace(rail, order=tuple(name for name in rail.order if name in names))
+            for rail in self.rails
+        ]
+        kept = tuple(rail for rail in rails if len(rail.order) > 1)
+        return replace(self, heads=tuple(heads), rails=kept)
 
     def alone(self, head: Head) -> Machine:
         """Return the machine with this head and no other, under the limits the head has."""

@@ -140,16 +140,10 @@ def check_living(ours: Machine, fenced: Fenced) -> list[Fault]:
     if names & set(fenced.at):
         return [_differs("heads", ", ".join(sorted(names)), "those that are not fenced")]
     known = {head.name: head for head in ours.heads}
-    heads = tuple(
+    heads = [
         _lessened(head, known[head.name]) for head in fenced.machine.heads if head.name in known
-    )
-    rails = tuple(
-        replace(rail, order=tuple(name for name in rail.order if name in names))
-        for rail in fenced.machine.rails
-    )
-    kept = tuple(rail for rail in rails if len(rail.order) > 1)
-    due = replace(fenced.machine, heads=heads, rails=kept)
-    return check_machine(ours, due.alone(heads[0]) if len(heads) == 1 else due, None)
+    ]
+    return check_machine(ours, fenced.machine.of_heads(heads), None)
 
 
 def _lessened(head: Head, ours: Head) -> Head:

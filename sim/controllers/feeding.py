@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.machine import Point
 from decmcts.print.plan import HeadActions, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
-from sim.controllers.from_plan import HAIR_S, programs_of_plan
+from sim.controllers.from_plan import HAIR_S, program_of_head
 from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Course, positions
 from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
 from sim.controllers.timing import Error, no_error
 
-Point = tuple[float, float, float]
 Draw = Callable[[HeadProgram], Error]
 
 
@@ -42,10 +42,7 @@ class Work:
     ) -> Work:
         """Return the work of the head of that name."""
         h = [actions.head for actions in document.plan.heads].index(name)
-        actions, program = document.plan.heads[h], programs_of_plan(document, queue)[h]
-        if not len(actions):  # it stays where it is parked
-            park = next(one.park for one in document.machine.heads if one.name == name)
-            program = replace(program, points=np.array([park]))
+        actions, program = document.plan.heads[h], program_of_head(document, h, queue)
         profile, wrong = profile_of(program, queue), error(program)
         first = np.searchsorted(program.action, np.arange(len(actions) + 1)).astype(np.int64)
         motion = np.diff(np.concatenate([[0.0], np.cumsum(profile.seconds)])[first])

@@ -30,6 +30,11 @@ def programs_of_plan(document: PlanDocument, queue: int = QUEUE) -> tuple[HeadPr
     return tuple(_program(document, h, signals, queue) for h in range(len(document.plan.heads)))
 
 
+def program_of_head(document: PlanDocument, h: int, queue: int = QUEUE) -> HeadProgram:
+    """Return the program of one head, with signals numbered as among all of them."""
+    return _program(document, h, _signals(document.plan), queue)
+
+
 def _signals(plan: JointPlan) -> Signals:
     """Return the index of the signal of each place that another head waits for."""
     found = {
@@ -41,7 +46,7 @@ def _signals(plan: JointPlan) -> Signals:
 
 def _program(document: PlanDocument, h: int, signals: Signals, queue: int) -> HeadProgram:
     actions, machine = document.plan.heads[h], document.machine
-    head = next(x for x in machine.heads if x.name == actions.head)
+    head = machine.head(actions.head)
     limits = machine.limits_of(head)
     first, sizes = actions.path_offsets[:-1], np.diff(actions.path_offsets)
     inner = np.ones(len(actions.path), np.bool_)

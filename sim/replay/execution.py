@@ -57,7 +57,7 @@ class Course:
 def arrivals_of(document: PlanDocument, actions: HeadActions) -> Floats:
     """Return for each point of a head's path the seconds since its action began."""
     machine = document.machine
-    limits = machine.limits_of(next(head for head in machine.heads if head.name == actions.head))
+    limits = machine.limits_of(machine.head(actions.head))
     feed = np.full(len(actions.path), limits.travel_feed)
     prints = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
     due = print_feeds(document.contours, actions)

@@ -43,7 +43,7 @@ def least_arrivals(
     if n < 2:
         return np.zeros(n)
     machine = document.machine
-    limits = machine.limits_of(next(head for head in machine.heads if head.name == actions.head))
+    limits = machine.limits_of(machine.head(actions.head))
     step = np.diff(actions.path, axis=0, prepend=actions.path[:1])
     length = np.linalg.norm(step, axis=1)
     unit = step / np.maximum(length, 1e-12)[:, None]

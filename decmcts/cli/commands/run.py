@@ -17,6 +17,7 @@ from rich.table import Table
 from agents.messages.event_stream import stream_of
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
+from decmcts.cli.commands.replan import LeftOption
 from decmcts.cli.commands.simulate import ErrorOption, QueueOption, TimingOption
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
@@ -74,13 +75,6 @@ ReplanOption = Annotated[
     float,
     typer.Option(rich_help_panel=opt.SEARCH, metavar="S", help="Time of a search for what is left"),
 ]
-LeftOption = Annotated[
-    LeftBeads,
-    typer.Option(
-        "--left-beads", rich_help_panel=opt.SEARCH,
-        help="A bead that was broken off is finished from there, or left as it is",
-    ),
-]  # fmt: skip
 EventsOption = Annotated[
     Path | None,
     typer.Option(

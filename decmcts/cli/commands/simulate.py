@@ -16,8 +16,9 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
+from decmcts.formats.plans.plan_json import is_plan
 from decmcts.planning.events import Step
-from decmcts.planning.simulate import Simulated, is_plan
+from decmcts.planning.simulate import Simulated
 from decmcts.planning.simulate import simulate as run
 from decmcts.planning.writing.places import (
     put,

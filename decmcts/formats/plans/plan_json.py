@@ -39,6 +39,7 @@ from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
 FORMAT = "decmcts-plan"
+SUFFIXES = (".json", ".json.gz")
 VERSION, CUT_VERSION = 2, 3
 _READ = (1, 2, 3)
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
@@ -158,6 +159,11 @@ def read_plan(path: Path | str) -> PlanDocument:
         _printed(given, machine),
         _fenced(given, machine),
     )
+
+
+def is_plan(path: Path) -> bool:
+    """Tell whether a file is a plan, by its name."""
+    return path.name.lower().endswith(SUFFIXES)
 
 
 def _printed(given: Fields, machine: Machine) -> Contours | None:

@@ -37,11 +37,7 @@ def fenced_places(
     places = {name: last[name] for name in state.failed}
     for text in said:
         name, has_place, place = text.partition("=")
-        if name not in parks:
-            raise InputError(
-                f"--fenced {text}: the machine has no head {name!r}",
-                advice=f"its heads are {', '.join(parks)}",
-            )
+        _refuse_unknown("--fenced", text, name, machine)
         if has_place:
             places[name] = parks[name] if place == PARKED else _point(text, place)
         elif name in last:
@@ -62,14 +58,10 @@ def late_heads(said: Sequence[str], machine: Machine) -> dict[str, float]:
     InputError
         For heads the machine has not, and factors that are none.
     """
-    names, found = [head.name for head in machine.heads], dict[str, float]()
+    found = dict[str, float]()
     for text in said:
         name, _, factor = text.partition("=")
-        if name not in names:
-            raise InputError(
-                f"--slower {text}: the machine has no head {name!r}",
-                advice=f"its heads are {', '.join(names)}",
-            )
+        _refuse_unknown("--slower", text, name, machine)
         try:
             found[name] = float(factor)
         except ValueError:
@@ -80,6 +72,16 @@ def late_heads(said: Sequence[str], machine: Machine) -> dict[str, float]:
                 advice=f"give how many times as long as planned it takes, 1 to {SLOWEST:g}",
             )
     return found
+
+
+def _refuse_unknown(option: str, text: str, name: str, machine: Machine) -> None:
+    """Raise InputError where a machine has no head of a name."""
+    names = [head.name for head in machine.heads]
+    if name not in names:
+        raise InputError(
+            f"{option} {text}: the machine has no head {name!r}",
+            advice=f"its heads are {', '.join(names)}",
+        )
 
 
 def _point(text: str, place: str) -> Point:

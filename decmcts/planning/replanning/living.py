@@ -39,16 +39,7 @@ def living_machine(machine: Machine, fenced: Mapping[str, Point], rest: Contours
     known = {head.name: head for head in machine.heads}
     for name, place in fenced.items():
         heads = [_beside(machine, head, known[name], place, rest) for head in heads]
-    if len(heads) == 1:
-        return machine.alone(heads[0])
-    names = [head.name for head in heads]
-    kept = [
-        replace(rail, order=tuple(name for name in rail.order if name in names))
-        for rail in machine.rails
-    ]
-    return replace(
-        machine, heads=tuple(heads), rails=tuple(rail for rail in kept if len(rail.order) > 1)
-    )
+    return machine.of_heads(heads)
 
 
 def slowed(machine: Machine, slower: Mapping[str, float]) -> Machine:

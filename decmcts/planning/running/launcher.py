@@ -350,9 +350,7 @@ class Launcher:
             return
         base = max((p.number for p in self.plans if p.events), default=0)
         carried = self.plans[base]
-        stopped = {
-            k: self._stopped(carried, h) for k, h in enumerate(carried.heads) if h not in living
-        }
+        stopped = self._all_stopped(carried)
         least = [
             carried.count(h) if self._held.get(h, (-1, 0))[0] > base
             else self._held[h][1] if h in living and self._held[h][0] == base else 0
@@ -374,6 +372,13 @@ class Launcher:
         if self.heads[h].number > carried.number:
             return Reached(carried.count(h))
         return carried.reached.get(h, Reached())
+
+    def _all_stopped(self, carried: Carried) -> dict[int, Reached]:
+        """Return how far those heads of a plan came that do not live, by their place in it."""
+        living = self._living()
+        return {
+            k: self._stopped(carried, h) for k, h in enumerate(carried.heads) if h not in living
+        }
 
     def _limit(self, carried: Carried, until: list[int]) -> None:
         for h, k in zip(carried.heads, until, strict=True):
@@ -417,19 +422,17 @@ class Launcher:
             else self._park(h)
             for h in self._living()
         }
-        parking = {
-            head.name: head.failure.at
-            for head in self.heads
-            if head.parks and head.failure is not None and head.failure.at is not None
-        }
-        names = {actions.head for actions in printing.document.plan.heads}
         fenced = {
             head.name: head.failure.at
             for head in self.heads
             if head.fenced and head.failure is not None and head.failure.at is not None
         }
-        parks = {head.name: head.park for head in self.document.machine.heads}
-        beside = {name: parks[name] if name in parking else at for name, at in fenced.items()}
+        parking = {head.name: fenced[head.name] for head in self.heads if head.parks}
+        names = {actions.head for actions in printing.document.plan.heads}
+        machine = self.document.machine
+        beside = {
+            name: machine.head(name).park if name in parking else at for name, at in fenced.items()
+        }
         self._unplanned.clear()
         source = self._sources.get(printing.number)
         if source is None:
@@ -440,7 +443,7 @@ class Launcher:
         self._planning = self._token
         state = self._state(printing, [printing.count(h) for h in printing.heads])
         begin = Begin(
-            printing.document, self.document.machine, source, state, {**standing, **parking},
+            printing.document, machine, source, state, {**standing, **parking},
             {name: at for name, at in beside.items() if name in names},
             {name: at for name, at in fenced.items() if name not in parking},
         )  # fmt: skip
@@ -452,14 +455,11 @@ class Launcher:
         )  # fmt: skip
 
     def _park(self, h: int) -> Point:
-        return next(x.park for x in self.document.machine.heads if x.name == self.heads[h].name)
+        return self.document.machine.head(self.heads[h].name).park
 
     def _give_up(self, carried: Carried) -> None:
         """Have heads go on with all that needs no head that failed."""
-        living = self._living()
-        stopped = {
-            k: self._stopped(carried, h) for k, h in enumerate(carried.heads) if h not in living
-        }
+        stopped = self._all_stopped(carried)
         least = [carried.until.get(h, 0) for h in carried.heads]
         self._limit(carried, committed(carried.document.plan, least, stopped, math.inf))
         self.report(Note(self.reason))

@@ -46,17 +46,16 @@ def parking_plan(
     InputError
         When some head has no clear way.
     """
-    known = {head.name: head for head in machine.heads}
     top = max(
         float(c.points[:, 2].max(initial=0.0))
         for c in (document.contours, document.printed) if c is not None
     )  # fmt: skip
     places, order = {**fenced, **standing}, list[tuple[str, NDArray[np.float64]]]()
-    waiting = [name for name, at in standing.items() if not _same(at, known[name].park)]
+    waiting = [name for name, at in standing.items() if not _same(at, machine.head(name).park)]
     while waiting:
         for name in waiting:
             others = {other: at for other, at in places.items() if other != name}
-            way = _clear_way(machine, known[name], places[name], others, top + ABOVE_MM)
+            way = _clear_way(machine, machine.head(name), places[name], others, top + ABOVE_MM)
             if way is not None:
                 break
         else:
@@ -66,7 +65,7 @@ def parking_plan(
             )
         waiting.remove(name)
         order.append((name, way))
-        places[name] = known[name].park
+        places[name] = machine.head(name).park
     return _document(document, machine, order) if order else None
 
 
@@ -78,7 +77,6 @@ def _clear_way(
     machine: Machine, head: Head, at: Point, others: Mapping[str, Point], height: float
 ) -> NDArray[np.float64] | None:
     """Return a path to a head's park that keeps clear of the others, None if there is none."""
-    known = {other.name: other for other in machine.heads}
     z = max(height, at[2], head.park[2])
     for corner in (None, (head.park[0], at[1]), (at[0], head.park[1])):
         points = [at, (at[0], at[1], z)]
@@ -86,7 +84,7 @@ def _clear_way(
         points += [(head.park[0], head.park[1], z), head.park]
         path = np.array([points[0]] + [b for a, b in pairwise(points) if not _same(a, b)])
         moves = np.concatenate([path[:-1], path[1:]], axis=1)
-        if not any(head_meets(machine, head, moves, known[o], p) for o, p in others.items()):
+        if not any(head_meets(machine, head, moves, machine.head(o), p) for o, p in others.items()):
             return path
     return None
 
@@ -97,9 +95,8 @@ def _document(
     """Return ways as a plan in which each head waits for the one before."""
     begin, heads = 0.0, list[HeadActions]()
     for k, (name, path) in enumerate(order):
-        head = next(head for head in machine.heads if head.name == name)
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-        end = begin + length / machine.limits_of(head).travel_feed
+        end = begin + length / machine.limits_of(machine.head(name)).travel_feed
         m = int(k > 0)
         heads.append(
             HeadActions(

@@ -47,6 +47,7 @@ class Carried:
     events: list[PrintEvent] = field(default_factory=list)  # heads as in this plan
     reached: dict[int, Reached] = field(default_factory=dict)  # by head of the first plan
     until: dict[int, int] = field(default_factory=dict)  # up to which action each head goes on
+    _works: dict[int, Work] = field(default_factory=dict)
 
     def take(self, head: int, event: PrintEvent) -> None:
         """Take an event of a head of the first plan."""
@@ -57,6 +58,13 @@ class Carried:
         """Return how many actions a head carries out of this plan."""
         actions = self.document.plan.heads[self.heads.index(head)]
         return self.until.get(head, len(actions))
+
+    def work(self, place: int) -> Work:
+        """Return what a head of the plan, by its place in it, does without errors of time."""
+        if place not in self._works:
+            name = self.document.plan.heads[place].head
+            self._works[place] = Work.of_plan(self.document, name)
+        return self._works[place]
 
     def log(self, waits: Sequence[Wait] = ()) -> EventLog:
         """Return all events in the order of their times, waits of this plan with them."""
@@ -85,8 +93,7 @@ class Carried:
         """Return where a head stands before an action."""
         actions = self.document.plan.heads[self.heads.index(head)]
         if not len(actions):
-            machine = self.document.machine
-            return next(one.park for one in machine.heads if one.name == actions.head)
+            return self.document.machine.head(actions.head).park
         path = actions.action_path(action)[0] if action < len(actions) else actions.path[-1]
         x, y, z = path.tolist()
         return x, y, z
@@ -209,7 +216,7 @@ def course_of(
         own = [event for event in carried.events if event.head == place]
         if not own:
             continue
-        work = Work.of_plan(carried.document, carried.document.plan.heads[place].head)
+        work = carried.work(place)
         begun: PrintEvent | None = None
         for event in own:
             if event.kind is EventKind.BEGAN:
@@ -244,7 +251,7 @@ def waits_of(carried: Carried) -> list[Wait]:
         own = [event for event in carried.events if event.head == place]
         if not own:
             continue
-        before_s = Work.of_plan(carried.document, actions.head).before_s
+        before_s = carried.work(place).before_s
         last_s = 0.0
         for event in own:
             if event.kind is EventKind.ENDED:

@@ -121,10 +121,10 @@ def _swept(
     if may.any():
         spread = min(tried, key=_end_of).spread
         for price, nearer_mm in OTHERS:
+            if sum(len(each.team.job.contours) for each in tried) >= MOST_TRIED:
+                break
             other = replace(spread, price=price * spread.price)
-            layout = _layout(problem, other, nearer_mm)
-            if sum(len(each.team.job.contours) for each in tried) < MOST_TRIED:
-                tried += _try(problem, cut, spread, layout)
+            tried += _try(problem, cut, spread, _layout(problem, other, nearer_mm))
         choice = np.argmin([each.layer_s for each in tried], axis=0)
         layout = layer_by_layer([each.layout for each in tried], choice)
         chosen = depth_by_layer(contours, [each.spread for each in tried], choice)

@@ -12,7 +12,7 @@ from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import has_plates, load_text
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.plans.plan_json import read_plan
+from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.planning.events import Note, Report, unheard
 from decmcts.planning.problem.source import machine_for
 from decmcts.planning.verifying.heads import (
@@ -83,7 +83,7 @@ def judge(
     report: Report = unheard,
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
-    if _is_plan(result):
+    if is_plan(result):
         return judge_plan(
             result, source, machine, held, seed=seed, trials=trials, plate=plate,
             without_tower=without_tower,
@@ -157,11 +157,7 @@ def judge_plan(
 
 def is_whole_team(path: Path, plate: int | None = None) -> bool:
     """Tell whether this is the only file that `launch` wrote, for a machine with one head."""
-    return not _is_plan(path) and header_of(load_text(path, plate_of(path, plate)))[1] == (1, 1)
-
-
-def _is_plan(path: Path) -> bool:
-    return path.name.lower().endswith((".json", ".json.gz"))
+    return not is_plan(path) and header_of(load_text(path, plate_of(path, plate)))[1] == (1, 1)
 
 
 def refuse_head_file(path: Path, plate: int | None) -> None:

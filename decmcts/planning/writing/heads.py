@@ -162,7 +162,7 @@ def _draft(
     judged: tuple[PrintJob, GcodeDocument], write: HeadWriter, report: Report,
 ) -> Walked:  # fmt: skip
     """Write the draft of one head's file, read it back and walk it along the plan."""
-    park = next(each.park for each in machine.heads if each.name == plan.heads[head].head)
+    park = machine.head(plan.heads[head].head).park
     report(Step(f"writing {path.name}"))
     write(
         document, job, plan, head, path, header_lines=header, park=park, release=machine.release,

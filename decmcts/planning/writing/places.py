@@ -16,6 +16,7 @@ from decmcts.formats.gcode.text.source_text import (
     save_text,
 )
 from decmcts.formats.mesh import is_mesh
+from decmcts.formats.plans.plan_json import SUFFIXES as PLAN_SUFFIXES
 from sim.faults import Verdict
 
 STDOUT = Path("-")  # as an output: standard output
@@ -126,7 +127,7 @@ def refuse_unpackable(output: Path | None, source: Path, plate: int | None = Non
 def refuse_other_suffixes(plan: Path | None, report: Path | None, picture: Path | None) -> None:
     """Raise InputError for an output whose name says it is of another kind."""
     known = (
-        (plan, (".json", ".json.gz")),
+        (plan, PLAN_SUFFIXES),
         (report, (".html", ".htm")),
         (picture, (".png", ".svg")),
     )

@@ -126,10 +126,11 @@
     },
     change: (scene) => {
       const { shift, other } = D.changes.ofContours(scene);
-      const found = measure(-0.5, 0.5, [`printed earlier than ${scene.page.run ? "planned" : "before"}`, "later"],
+      const was = scene.page.run ? "planned" : "before";
+      const found = measure(-0.5, 0.5, [`printed earlier than ${was}`, "later"],
         (c) => Math.sign(shift[c]) * Math.sqrt(Math.abs(shift[c])) * 0.75, TURN);
       if (!other.some(Boolean)) return found;
-      found.entries.push({ name: `printed by another head than ${scene.page.run ? "planned" : "before"}`, rgb: named("--other") });
+      found.entries.push({ name: `printed by another head than ${was}`, rgb: named("--other") });
       return { ...found, of: (c, p) => (other[c] ? STEPS : found.of(c, p)) };
     },
   };
