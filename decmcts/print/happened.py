@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.metrics import Metrics
 from decmcts.print.plan import HeadActions, JointPlan, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog
 
@@ -31,10 +30,7 @@ def happened(document: PlanDocument, log: EventLog) -> PlanDocument:
             for actions, (begin, end) in zip(document.plan.heads, times, strict=True)
         )
     )
-    metrics: Metrics = {"makespan_s": plan.makespan_s}
-    if "cut" in document.metrics:
-        metrics["cut"] = document.metrics["cut"]
-    return replace(document, plan=plan, metrics=metrics)
+    return replace(document, plan=plan, metrics={"makespan_s": plan.makespan_s})
 
 
 def _times(

@@ -148,7 +148,11 @@ def run(
 
             told(Step("writing the report"))
             log, touched = result.logs()[0], result.contacts
-            write_run_report(report, document, log, file=plan.name, contacts=touched)
+            anew = sum(carried.is_print for carried in result.plans) > 1
+            write_run_report(
+                report, document, log, file=plan.name, contacts=touched,
+                in_the_end=result.contours - result.unprinted if anew else None,
+            )  # fmt: skip
     if as_json:
         print_json("decmcts-run/1", figures(result))
     else:

@@ -38,10 +38,11 @@ WORDS = {
 class CarriedOut:
     """How the carrying out of a plan ended."""
 
-    printed: int  # beads that were
+    printed: int  # beads that were, by this plan
     beads: int  # of the plan
     failed: Sequence[tuple[str, float, str]] = ()  # head, seconds and why
     contacts: int = 0  # of heads
+    in_the_end: int | None = None  # beads printed with what was planned anew; None: nothing was
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
         "rows": [row for row in (_row(*named, was, now) for named in MAKERS.items()) if row],
         "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
         "speed_up": _speed_up(after),
-        "cut": cut_facts(after),
+        "cut": cut_facts(after if told.run is None else before),
         "proof": _proof(now),
         "waits_s": float(now.get("waits_s") or 0.0),
         "kept_source": now.get("kept_because"),

@@ -12,8 +12,9 @@ from sim.pictures.report.page import write_report
 
 
 def write_run_report(
-    path: Path | str, document: PlanDocument, log: EventLog, *, file: str = "", contacts: int = 0
-) -> None:
+    path: Path | str, document: PlanDocument, log: EventLog, *, file: str = "", contacts: int = 0,
+    in_the_end: int | None = None,
+) -> None:  # fmt: skip
     """Write the page.
 
     Parameters
@@ -23,6 +24,7 @@ def write_run_report(
     log : what happened
     file : name of the source
     contacts : how often heads touched
+    in_the_end : beads that were printed in all, where the rest was planned anew
     """
     after = happened(document, log)
     printed = sum(int((head.kind == ActionKind.PRINT).sum()) for head in after.plan.heads)
@@ -31,5 +33,5 @@ def write_run_report(
         for event in log.events
         if event.kind is EventKind.FAILED
     ]
-    run = CarriedOut(printed, len(document.contours), failed, contacts)
+    run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end)
     write_report(path, before=document, after=after, told=Told(file=file, run=run))

@@ -25,14 +25,16 @@
   const ABOUT = [["checked", "How much"], ["rule", "By these rules"], ["asked", "As it was asked for"]];
 
   /** How a run ended: what was printed of the plan, and who failed. */
-  function ended({ beads, printed, failed, contacts }) {
-    const good = printed === beads && !contacts;
-    const word = contacts ? "Heads touched" : printed === beads ? "Carried out" : "Broken off";
+  function ended({ beads, printed, failed, contacts, in_the_end: all }) {
+    const whole = (all ?? printed) === beads, good = whole && !contacts;
+    const word = contacts ? "Heads touched" : !whole ? "Broken off" : all === null ? "Carried out" : "Carried out, planned anew";
     const lines = failed.map(({ head, time_s, why }) => `${head} failed at ${D.format.clock(time_s)}${why && `: ${why}`}`);
     if (contacts) lines.unshift(D.format.count(contacts, "contact"));
+    const done = [`${D.format.number(all ?? printed)} of ${D.format.count(beads, "bead")} printed`];
+    if (all !== null) done.push(`${D.format.number(printed)} of them by the first plan, which this page shows`);
     return e("div", { class: `card ${good ? "good" : "bad"}` },
       e("p", { class: "big" }, e("span", { class: "mark", "aria-hidden": "true" }, good ? "✓" : "✗"), word),
-      e("ul", { class: "near" }, ...[`${D.format.number(printed)} of ${D.format.count(beads, "bead")} printed`, ...lines].map((text) => e("li", {}, text))));
+      e("ul", { class: "near" }, ...[...done, ...lines].map((text) => e("li", {}, text))));
   }
 
   /** Whether it is safe, how near it came, and what was checked: in the words of `verify -v`. */
@@ -73,7 +75,7 @@
     const { before_s, after_s, of } = facts.time;
     const saved = before_s - after_s, most = Math.max(before_s, after_s, 1e-9);
     const { run } = D.page, broken = run && run.printed < run.beads;
-    const less = broken ? `ended after ${D.format.duration(after_s)}` : Math.abs(saved) < 0.5 ? "no change" : `${asShown(before_s, after_s)} ${saved < 0 ? "longer" : D.page.run ? "shorter" : "saved"}`;
+    const less = broken ? `${run.in_the_end === null ? "ended" : "this plan ended"} after ${D.format.duration(after_s)}` : Math.abs(saved) < 0.5 ? "no change" : `${asShown(before_s, after_s)} ${saved < 0 ? "longer" : D.page.run ? "shorter" : "saved"}`;
     const bar = (label, seconds, kind) =>
       e("div", { class: "pair" }, e("span", { class: "name" }, label),
         e("div", { class: "track" }, e("div", { class: kind, style: `width:${(100 * seconds) / most}%` })),

@@ -35,7 +35,7 @@
   function deed(found) {
     if (found.wait) {
       const time = D.format.duration(found.end_s - found.begin_s);
-      if (found.wait.cause === "unused") return `${found.name} is not used`;
+      if (found.wait.cause === "unused") return `${found.name} ${D.page.run ? "printed nothing" : "is not used"}`;
       if (found.wait.cause === "end") return `${found.name} has nothing left to do for ${time}`;
       const other = found.wait.other_head, action = found.wait.other_action;
       const contour = other === null || action === null ? -1 : D.words.beadBy(other, action);

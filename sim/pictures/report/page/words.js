@@ -11,11 +11,12 @@
     tool: ["comes before settings change", "settings change there: first layer, fan, temperature, tool"],
     layers: ["would be left too many layers behind", "no head runs too many layers ahead"],
     signal: ["stops to be heard", "a short stop in which heads signal each other"],
-    unused: ["is not used", "a head is not used: no plan found is shorter with it"],
     end: ["nothing is left to do", "nothing is left to do"],
   };
 
-  const long = (cause) => (CAUSES[cause] || ["", cause])[1];
+  /** What a head does that prints nothing; in a run it may have failed. */
+  const unused = () => (D.page.run ? "printed nothing" : "is not used: no plan found is shorter with it");
+  const long = (cause) => (cause === "unused" ? `a head ${unused()}` : (CAUSES[cause] || ["", cause])[1]);
   const short = (cause) => (CAUSES[cause] || [cause])[0];
 
   const after = () => D.page.plans[1];
@@ -74,7 +75,7 @@
   /** Three lengths of a wait's label, the longest first. */
   const labels = (wait) => {
     const time = D.format.duration(wait.end_s - wait.begin_s);
-    if (wait.cause === "unused") return [`is not used: no plan found is shorter with it`, "not used", ""];
+    if (wait.cause === "unused") return [unused(), D.page.run ? "nothing" : "not used", ""];
     if (wait.cause === "end") return [`${time}: nothing is left to do`, "done", ""];
     const other = wait.other_head === null ? "" : ` for ${headName(wait.other_head)}`;
     const what = wait.other_head === null ? null : bead(wait.other_head, wait.other_action);

@@ -42,3 +42,17 @@ def test_planned_and_happened_stand_on_one_time_line(browser: Browser, tmp_path:
         assert page.get_by_role("button", name="Planned").count()
         assert page.get_by_role("button", name="Happened").count()
         assert "Saving" not in page.locator("#search").inner_text()
+        assert "a head printed nothing" in page.locator("#heads").inner_text()
+
+
+def test_what_was_planned_anew_is_told(browser: Browser, tmp_path: Path) -> None:
+    """The page is of the first plan, but the print is not broken off where others finished it."""
+    document: PlanDocument = stacked_plan((0, 1, -1, 0.0))
+    log = log_until(document, document.plan.heads[0].end_s[-1])
+    left = replace(log, events=tuple(event for event in log.events if event.head == 0))
+    path, beads = tmp_path / "run.html", len(document.contours)
+    write_run_report(path, document, left, in_the_end=beads)
+    with opened(browser, path) as page:
+        facts = page.locator("#facts").inner_text()
+        assert "Carried out, planned anew" in facts and f"{beads} of {beads} beads" in facts
+        assert "of them by the first plan" in facts and "this plan ended after" in facts
