@@ -12,7 +12,7 @@ from decmcts.feasibility.graph import EdgeKind
 from decmcts.feasibility.rules import contacts_between
 from decmcts.formats.gcode.cut_document import cut_document, has_stiff_arc, uncut_segments
 from decmcts.planning.compiling.parts import TEAM, is_compiled
-from decmcts.planning.events import Report, Step
+from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Cut, Freedom
 from decmcts.planning.problem.print_problem import PrintProblem, order_graph
 from decmcts.print.cut import Grid, Lines, cut_job
@@ -34,12 +34,14 @@ from decmcts.team.cutting.layout import (
 from decmcts.team.cutting.sweep import Sweep, sweep_order, times_of
 from decmcts.team.cutting.travels import with_less_travel
 from decmcts.team.engine.first_policies import first_policies_s
-from decmcts.team.engine.plans import MOST_STATED, StatedOrder
+from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
 from decmcts.team.engine.space import relation_of
 
-MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
+MOST_SWEPT = 150_000  # contours; of more, sweeps take minutes
+MOST_PIECES = 250_000  # of a print that is cut; more take too much memory
 ROUNDS = 4  # sweeps that are tried at most
+SHORTENED = 0.9  # of a sweep's time: less travel saves no more
 LATE = 0.1  # of a sweep's time that heads may wait for what is late: all of them for all of it
 GAIN = 0.995  # of the time without cuts: cuts that gain less than the estimates' error are not made
 # of what a cut is taken to cost, and by how much nearer heads come: layouts that are tried too
@@ -56,6 +58,7 @@ class Swept:
     order: StatedOrder
     makespan_s: float  # estimate
     team: TeamProblem  # the print as heads plan it
+    run: NDArray[np.int64]  # (n,) of each turn: what one head prints of one strip has one number
 
 
 def best_sweep(
@@ -67,7 +70,10 @@ def best_sweep(
     None where heads cannot sweep: there is one head, or some contour no sweep can hold. Nor are
     prints of more than `MOST_SWEPT` contours swept.
     """
-    if len(problem.machine.heads) < 2 or not 0 < len(problem.job.contours) <= MOST_SWEPT:
+    if len(problem.machine.heads) < 2 or not len(problem.job.contours):
+        return None
+    if len(problem.job.contours) > MOST_SWEPT:
+        report(Note(f"more than {MOST_SWEPT:,} contours: no sweep is tried, nothing cut"))
         return None
     first = "" if is_compiled(TEAM) else ", which the first time compiles for up to a minute"
     report(Step(f"sweeps in which heads share parts{first}"))
@@ -80,7 +86,7 @@ def best_sweep(
     if may.any():
         may &= ~_kept_whole(problem)
     if not may.any():
-        return whole
+        return whole and _with_less_travel(whole)
     return _better(problem, whole, _swept(problem, seconds, may, cut))
 
 
@@ -90,6 +96,10 @@ def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) ->
     Both are given the better of their sweep and the first policies: where there are many parts,
     heads that choose freely among whole contours are often faster than any sweep.
     """
+    if pieces is not None:
+        pieces = _with_less_travel(pieces)
+    if whole is not None and (pieces is None or SHORTENED * whole.makespan_s < pieces.makespan_s):
+        whole = _with_less_travel(whole)
     if pieces is None or pieces.problem.whole is None:
         found = [each for each in (whole, pieces) if each is not None]
         return min(found, key=lambda each: each.makespan_s, default=None)
@@ -121,20 +131,26 @@ def _swept(
     if may.any():
         spread = min(tried, key=_end_of).spread
         for price, nearer_mm in OTHERS:
-            if sum(len(each.team.job.contours) for each in tried) >= MOST_TRIED:
+            if _enough(tried):
                 break
             other = replace(spread, price=price * spread.price)
             tried += _try(problem, cut, spread, _layout(problem, other, nearer_mm))
+    if len(tried) > 1:
         choice = np.argmin([each.layer_s for each in tried], axis=0)
         layout = layer_by_layer([each.layout for each in tried], choice)
         chosen = depth_by_layer(contours, [each.spread for each in tried], choice)
         tried += _try(problem, cut, chosen, layout)
     best = min(tried, key=_end_of)
-    less = with_less_travel(best.team, best.sweep.stated, best.sweep.run)
-    order, end_s = best.sweep.stated, best.end_s
-    if (times := times_of(best.team, less)) is not None and times[1] < end_s:
-        order, end_s = less, times[1]
-    return Swept(best.problem, order, end_s, best.team)
+    return Swept(best.problem, best.sweep.stated, best.end_s, best.team, best.sweep.run)
+
+
+def _with_less_travel(swept: Swept) -> Swept:
+    """Return the sweep with what a head prints in one go in an order of less travel."""
+    less = with_less_travel(swept.team, swept.order, swept.run)
+    times = times_of(swept.team, less)
+    if times is None or times[1] >= swept.makespan_s:
+        return swept
+    return replace(swept, order=less, makespan_s=times[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +169,12 @@ class Tried:
 def _end_of(tried: Tried) -> float:
     """Return when heads end, s."""
     return tried.end_s
+
+
+def _enough(tried: list[Tried]) -> bool:
+    """Whether another sweep like the last would make more than `MOST_TRIED` pieces of all."""
+    pieces = [len(each.team.job.contours) for each in tried]
+    return sum(pieces) + pieces[-1] > MOST_TRIED
 
 
 def _layout(problem: PrintProblem, spread: Cuttable, nearer_mm: float = 0.0) -> Layout:
@@ -174,7 +196,7 @@ def _tried_deeper(
     for _ in range(ROUNDS):
         made = _try(problem, cut, spread, _layout(problem, spread))
         tried += made
-        if not made:
+        if not made or _enough(tried):
             break
         late = made[0].sweep.late & spread.may
         if whole_s[late].sum() * heads < LATE * min(map(_end_of, tried)):
@@ -191,7 +213,7 @@ def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> l
     places = places_of(contours, layout, spread)
     lines = lines_of(contours, layout, spread, places)
     parted = _cut(problem, lines, cut) if len(lines.at) else problem
-    if len(parted.job.contours) > MOST_STATED:
+    if len(parted.job.contours) > MOST_PIECES:
         return []
     team = build_team_problem(parted.job, problem.machine, parted.graph)
     sweep = sweep_order(team, layout, places, spread)

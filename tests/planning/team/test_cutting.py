@@ -18,7 +18,7 @@ from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.rail_family import rail_machine
 from decmcts.formats.mesh import SliceOptions
-from decmcts.planning.events import Note, unheard
+from decmcts.planning.events import Event, Note, unheard
 from decmcts.planning.options import Cut, Freedom, Limits, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.problem.source import read_source
@@ -35,6 +35,7 @@ from decmcts.print.motion import segment_times
 from decmcts.print.plan import ActionKind
 from decmcts.print.welds import cuts_of, weld_ages
 from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.dec_mcts import planner
 from decmcts.team.engine.plans import encode_stated
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.entries import entries_of
@@ -73,6 +74,27 @@ def test_the_more_is_cut_the_sooner_a_sweep_ends(source: Path) -> None:
         ends[cut] = swept.makespan_s
     assert ends[Cut.NONE] > 1.2 * ends[Cut.INSIDE]
     assert ends[Cut.INSIDE] > 1.05 * ends[Cut.ALL]
+
+
+def test_prints_whose_order_no_message_holds_are_cut(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Heads begin with the sweep, and tell each other what they change of it."""
+    monkeypatch.setattr(planner, "MOST_STATED", 10)
+    problem = problem_of(read(source, "dual-gantry"), Rules(), unheard)
+    swept = best_sweep(problem, Cut.ALL, unheard)
+    planned = plan_team(problem, TeamSearch(1.0, cut=Cut.ALL), writes=False, agents=Agents())
+    assert swept is not None and planned.problem.cut == Cut.ALL
+    assert planned.after.plan.makespan_s < 1.05 * swept.makespan_s
+
+
+def test_of_prints_that_are_too_large_it_is_said(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, heard = load(source, "dual-gantry"), list[Event]()
+    monkeypatch.setattr(cutting, "MOST_SWEPT", 10)
+    assert best_sweep(problem, Cut.ALL, heard.append) is None
+    assert heard == [Note("more than 10 contours: no sweep is tried, nothing cut")]
 
 
 def test_nothing_is_cut_where_heads_end_sooner_without_any_sweep(
