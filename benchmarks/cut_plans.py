@@ -37,13 +37,13 @@ from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.plans.plan_json import CUT_VERSION, read_plan
 from decmcts.planning.verifying.heads import judge_heads, read_as_asked
 from decmcts.print.job import PrintJob
-from sim.experiments.made_slab import slab_gcode
-from sim.experiments.mutants import Mutant, NotHereError
-from sim.experiments.mutants_cuts import CUT_MUTANTS
-from sim.experiments.mutants_piece_lines import PIECE_LINE_MUTANTS
-from sim.experiments.mutants_pieces import PIECE_MUTANTS
-from sim.experiments.mutants_plan import as_text
 from sim.verify import verify_plan
+from tests.makers.slab import slab_gcode
+from tests.mutants.catalogue import Mutant, NotHereError
+from tests.mutants.cuts import CUT_MUTANTS
+from tests.mutants.piece_lines import PIECE_LINE_MUTANTS
+from tests.mutants.pieces import PIECE_MUTANTS
+from tests.mutants.plan import as_text
 
 MACHINE = "dual-gantry"
 SLABS: dict[str, tuple[dict[str, Any], str]] = {  # what is made, and what may be cut

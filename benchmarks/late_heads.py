@@ -4,8 +4,8 @@
 
 Prints: the eight large plates and `plate` on `dual-gantry`, planned by two heads in one
 process (`--rounds`), and small prints on machines made at random, of two to eight heads
-(`sim.experiments.random_machines`), by empty plans. Troubles, baseline and what is
-counted: `sim.experiments.late_heads`. One row for a print and a kind of trouble.
+(`tests.makers.random_machines`), by empty plans. Troubles, baseline and what is
+counted: `tests.makers.late_heads`. One row for a print and a kind of trouble.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.late_heads import TROUBLES, Rehearsal, Run, random_trouble
-from sim.experiments.random_teams import problem_of
+from tests.makers.late_heads import TROUBLES, Rehearsal, Run, random_trouble
+from tests.makers.random_teams import problem_of
 
 KEY = ("print", "trouble", "runs", "rounds")
 PLATES = "plate mix_1 mix_2 mix_3 mix_4 mix_5 mix_6 same_4_far same_9"

@@ -34,18 +34,18 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
-from sim.experiments.made_changes import two_colours
-from sim.experiments.made_dots import made_dots_gcode
 from sim.experiments.made_print import made_gcode, made_tools_gcode
-from sim.experiments.made_scarf import scarf_gcode
-from sim.experiments.mutants import Mutant, NotHereError
-from sim.experiments.mutants_contacts import CONTACT_MUTANTS
-from sim.experiments.mutants_dots import DOT_MUTANTS, HEAD_DOT_MUTANTS
-from sim.experiments.mutants_gcode import GCODE_MUTANTS
-from sim.experiments.mutants_heads import HEAD_MUTANTS
-from sim.experiments.mutants_order import SAFE_MUTANTS, TEMPERATURE_MUTANTS, made_unsafe
-from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
-from sim.experiments.mutants_tools import CHANGE_MUTANTS, HEAD_TOOL_MUTANTS, TOOL_MUTANTS
+from tests.makers.changes import two_colours
+from tests.makers.dots import made_dots_gcode
+from tests.makers.scarf import scarf_gcode
+from tests.mutants.catalogue import Mutant, NotHereError
+from tests.mutants.contacts import CONTACT_MUTANTS
+from tests.mutants.dots import DOT_MUTANTS, HEAD_DOT_MUTANTS
+from tests.mutants.gcode import GCODE_MUTANTS
+from tests.mutants.heads import HEAD_MUTANTS
+from tests.mutants.order import SAFE_MUTANTS, TEMPERATURE_MUTANTS, made_unsafe
+from tests.mutants.plan import PLAN_MUTANTS, as_text
+from tests.mutants.tools import CHANGE_MUTANTS, HEAD_TOOL_MUTANTS, TOOL_MUTANTS
 
 KEY = ("of", "mutant", "seed")
 ONE_HEAD, TWO_HEADS = "mk4s", "dual-gantry"

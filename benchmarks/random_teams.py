@@ -6,7 +6,7 @@ Machines: 100 of two to eight heads, on rails along x or y, on two rails, in a r
 around the bed, each with shapes, reaches and tools of its own (seeds are passed over where
 heads can not print all of their print, or only one can print any), and every preset: those
 of several heads with as many plans, the others with `--presets`. A print of eight small
-towers for each. Kinds of plans: `sim.experiments.random_teams.KINDS` in turn, then mixed
+towers for each. Kinds of plans: `tests.makers.random_teams.KINDS` in turn, then mixed
 from head to head. A plan is *serial* if no two heads ever print at once though it does not
 ask for one order and in another plan of the machine two heads do. One row a machine.
 """
@@ -33,7 +33,7 @@ from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine, preset_names
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.problem import TeamProblem
-from sim.experiments.random_teams import KINDS, outcome, problem_of, problem_on, random_plans
+from tests.makers.random_teams import KINDS, outcome, problem_of, problem_on, random_plans
 
 KEY = ("machine", "plans")
 MOST_SEEDS = 50  # of prints for a preset until one fits it

@@ -27,15 +27,15 @@ from team_prints import plate_path
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.simulate import Simulated, simulate
 from sim.controllers.timing import Timing
-from sim.experiments.mutants import NotHereError
-from sim.experiments.mutants_waits import (
+from sim.faults import FaultKind
+from sim.verify import verify_plan
+from tests.mutants.catalogue import NotHereError
+from tests.mutants.waits import (
     action_before,
     ends_to_points,
     one_wait_dropped,
     waits_dropped,
 )
-from sim.faults import FaultKind
-from sim.verify import verify_plan
 
 KEY = ("machine", "model", "limit_s", "trials", "seed")
 FIGURES = ("contours", "planned_s", "plan_off", "files_off", "draws", "contacts", "least_rail_mm",

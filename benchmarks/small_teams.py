@@ -4,7 +4,7 @@
 
 Prints of 6 or 8 contours on machines made at random. The least makespan is that of all
 joint orders the engine can carry out, found by brute force
-(`sim.experiments.small_teams`). All heads plan in one process, `--time-limit` seconds of
+(`tests.makers.small_teams`). All heads plan in one process, `--time-limit` seconds of
 processor time. Makespans are the engine's estimate, ways back to the parks included.
 """
 
@@ -29,7 +29,7 @@ from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.plans import encode_stated
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
-from sim.experiments.small_teams import Least, least_makespan, small_problem
+from tests.makers.small_teams import Least, least_makespan, small_problem
 
 KEY = ("machine", "heads", "towers", "layers", "seed", "limit_s")
 SHAPES = ((2, 3, 1), (2, 2, 2), (2, 4, 1), (3, 3, 1), (3, 2, 2))  # heads, towers, layers

@@ -42,8 +42,8 @@ from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.random_teams import judged
 from sim.verify import verify_plan
+from tests.makers.random_teams import judged
 
 PROCESSES, TOGETHER = "processes", "one-process"
 METHODS = (PROCESSES, TOGETHER, *BASELINES)

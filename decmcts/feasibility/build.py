@@ -66,7 +66,7 @@ def build_graph(
     Returns
     -------
     DependencyGraph
-        Its transitive closure is that of the definition in ARCHITECTURE.md. An
+        Its transitive closure is that of the definition in docs/definitions.md. An
         edge with several reasons carries the least negotiable kind: CONTACT, then STATE, then
         GEOMETRY, then PRIMING (a brim and what touches it), then PROCESS, then QUALITY.
 

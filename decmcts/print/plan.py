@@ -1,7 +1,7 @@
 """Joint plans: for each head a sequence of actions, plus cross-head order.
 
 A plan for one head is a joint plan of one head. Rules J1-J5 that make a joint
-plan safe are stated in ARCHITECTURE.md; `sim` checks them.
+plan safe are stated in docs/definitions.md; `sim` checks them.
 """
 
 from __future__ import annotations

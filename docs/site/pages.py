@@ -47,7 +47,11 @@ CONTENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         ),
         "How it works": (
             "ARCHITECTURE",
+            "docs/definitions",
+            "docs/search",
             "docs/team",
+            "docs/team-measured",
+            "docs/glossary",
             "docs/protocol",
             "docs/security",
             "docs/adr/README",

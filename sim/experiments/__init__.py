@@ -1,1 +1,1 @@
-"""What benchmarks and tests do to plans: spoil them, delay heads, kill agents."""
+"""What experiments are made of: prints made by code, teams in memory, plans run by a clock."""

@@ -1,6 +1,6 @@
 """What must come before what, found anew: the plan's pairs, roles that touch, layers ahead.
 
-The definitions are in ARCHITECTURE.md; a pair (a, b) of them is kept when the plan's
+The definitions are in docs/definitions.md; a pair (a, b) of them is kept when the plan's
 partial order has the print of a end before that of b begins. Material that would be in
 the way is not looked at here: `sim.replay.material` moves the head through what may be there,
 which finds every pair of kind GEOMETRY that matters to the head that prints. Barriers

@@ -9,8 +9,8 @@ import pytest
 
 from decmcts.cli.run import run
 from sim.experiments.made_print import made_gcode
-from sim.experiments.made_scarf import scarf_gcode
 from tests.formats.gcode.text.packed import gcode_3mf
+from tests.makers.scarf import scarf_gcode
 
 pytestmark = pytest.mark.slow
 

@@ -20,7 +20,7 @@ from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.print_events import EventKind
 from sim.controllers.events import events_of
 from sim.controllers.timing import Timing
-from sim.experiments.mutants_waits import one_wait_dropped, waits_dropped
+from tests.mutants.waits import one_wait_dropped, waits_dropped
 from tests.planning.conftest import Agents
 from tests.prints import slab
 

@@ -16,12 +16,12 @@ from decmcts.formats.gcode import write_head_gcode
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
-from sim.experiments.mutants import Mutant, NotHereError
-from sim.experiments.mutants_heads import HEAD_MUTANTS
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
 from sim.heads.plan import plan_of_files
 from sim.heads.together import verify_heads
+from tests.mutants.catalogue import Mutant, NotHereError
+from tests.mutants.heads import HEAD_MUTANTS
 from tests.sim.heads.test_together import LAYERS, PARKS, Made, cut, moved, signals
 
 PASSED = re.compile(r"SYNC_PASSED N=(\d+)\n")

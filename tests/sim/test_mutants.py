@@ -14,13 +14,13 @@ from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.verifying.judge import digest_of
 from sim.experiments.made_print import made_gcode
-from sim.experiments.mutants import NotHereError
-from sim.experiments.mutants_gcode import GCODE_MUTANTS
-from sim.experiments.mutants_order import SAFE_MUTANTS, TEMPERATURE_MUTANTS, made_unsafe
-from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
-from sim.experiments.mutants_waits import STOP_MUTANTS, WAIT_MUTANTS
 from sim.faults import FaultKind
 from sim.verify import verify_plan
+from tests.mutants.catalogue import NotHereError
+from tests.mutants.gcode import GCODE_MUTANTS
+from tests.mutants.order import SAFE_MUTANTS, TEMPERATURE_MUTANTS, made_unsafe
+from tests.mutants.plan import PLAN_MUTANTS, as_text
+from tests.mutants.waits import STOP_MUTANTS, WAIT_MUTANTS
 
 MACHINE = "mk4s"
 JUDGED = {  # what a reader cannot see

@@ -5,7 +5,7 @@ from __future__ import annotations
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.resolve import resolve
-from sim.experiments.random_teams import problem_of
+from tests.makers.random_teams import problem_of
 
 SEEDS = (5, 9, 33)  # of machines: two heads on a rail along y, three on two rails and on one
 

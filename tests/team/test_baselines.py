@@ -16,7 +16,7 @@ from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.random_teams import judged, problem_of
+from tests.makers.random_teams import judged, problem_of
 
 PLANNERS = {**BASELINES, "in-one-process": in_one_process}
 FEW = 30  # joint orders

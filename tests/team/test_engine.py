@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.experiments.random_teams import KINDS, outcome, problem_of, random_plans
+from tests.makers.random_teams import KINDS, outcome, problem_of, random_plans
 
 
 @pytest.mark.slow

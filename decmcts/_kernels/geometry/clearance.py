@@ -1,6 +1,6 @@
 """Does one contour's bead block the head at another contour: exact convex geometry.
 
-The definition is "Blocked" in ARCHITECTURE.md: for bead segment q, nozzle
+The definition is "Blocked" in docs/definitions.md: for bead segment q, nozzle
 segment p and slice k the set q_xy - p_xy is a parallelogram, and it is blocked
 iff that parallelogram comes within clearance + w/2 of the slice's polygon and
 the bead's highest z is above the nozzle's lowest z + h_k. Nothing here knows

@@ -3,7 +3,7 @@
 Cell values are tops of beads, widened by their radius (clearance + half the
 width). A cell that a widened bead touches takes the bead's top and a query
 takes every cell its swept slice touches, so a query is never lower than the
-definition "Blocked" in ARCHITECTURE.md and at most about a cell's diagonal too
+definition "Blocked" in docs/definitions.md and at most about a cell's diagonal too
 careful. Above the cells stands a pyramid of maxima, FANOUT x FANOUT cells a
 step, so that a query opens only what can still raise its answer.
 """

@@ -3,7 +3,7 @@
 Each body of a head, and each slice, is taken as its bounding box, and each action as
 the bounding box of its nozzle's path. So a pair found clear here is clear in space, but
 a pair found too near may be clear in truth. Heads on one rail are kept in order along it
-(rule J3 of ARCHITECTURE.md).
+(rule J3 of docs/definitions.md).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """From one toolpath per head to an exact plan that is safe for every timing.
 
-Safe means rules J1-J5 of ARCHITECTURE.md.
+Safe means rules J1-J5 of docs/definitions.md.
 
 `decmcts.team.engine.order` decides who waits for whom; here every action gets its
 path, checked against whatever may be printed by then, and its nominal times.
@@ -56,7 +56,7 @@ def schedule(
     Returns
     -------
     JointPlan
-        Satisfies J1-J5 of ARCHITECTURE.md.
+        Satisfies J1-J5 of docs/definitions.md.
 
     Raises
     ------

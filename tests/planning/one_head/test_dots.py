@@ -9,9 +9,9 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.formats.gcode import read_gcode, read_motions
-from sim.experiments.gcode_lines import rows_of
-from sim.experiments.made_dots import made_dots_gcode
-from sim.experiments.mutants_dots import DOT, DOT_MUTANTS, HEAD_DOT_MUTANTS, PILLAR
+from tests.makers.dots import made_dots_gcode
+from tests.mutants.dots import DOT, DOT_MUTANTS, HEAD_DOT_MUTANTS, PILLAR
+from tests.mutants.gcode_lines import rows_of
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from sim.experiments.made_settings import CASES, laid_under, made
+from tests.makers.settings import CASES, laid_under, made
 
 WORDS = ("--machine", "paper", "--time-limit", "0.1", "--planner", "greedy", "--no-certificate")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from sim.experiments.made_changes import EXTRA_MM, two_colours
+from tests.makers.changes import EXTRA_MM, two_colours
 
 SHORT = ["--planner", "greedy", "--time-limit", "0.2", "--machine", "mk4s", "--no-certificate"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from sim.experiments.made_scarf import scarf_gcode
+from tests.makers.scarf import scarf_gcode
 
 CENTRES = [(60.0, 60.0), (130.0, 60.0), (60.0, 130.0), (130.0, 130.0)]
 SHORT = ["--planner", "greedy", "--time-limit", "0.2", "--no-certificate", "--allow-slower"]

@@ -11,7 +11,7 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.replanning.fenced import fenced_places
 from decmcts.planning.replanning.living import living_machine
 from decmcts.print.print_state import HeadState, PrintState
-from sim.experiments.random_machines import random_machine
+from tests.makers.random_machines import random_machine
 from tests.planning.replanning.conftest import Made
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from sim.experiments.made_one_by_one import COOLER, one_by_one
+from tests.makers.one_by_one import COOLER, one_by_one
 
 TEAM = ["--machine", "dual-gantry"]
 

@@ -13,11 +13,11 @@ from decmcts.planning.events import unheard
 from decmcts.planning.options import RULES
 from decmcts.planning.problem.fewer_changes import with_fewer_changes
 from decmcts.planning.problem.source import Source
-from sim.experiments.made_changes import two_colours
-from sim.experiments.mutants_tools import CHANGE_MUTANTS
 from sim.faults import Verdict
 from sim.files.changes import as_taken
 from sim.files.written import verify_written
+from tests.makers.changes import two_colours
+from tests.mutants.tools import CHANGE_MUTANTS
 
 Made = tuple[Source, str]
 

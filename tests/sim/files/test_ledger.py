@@ -14,12 +14,12 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from decmcts.print.toolpath import Toolpath
 from sim.experiments.made_print import made_gcode, made_tools_gcode
-from sim.experiments.mutants import NotHereError
-from sim.experiments.mutants_gcode import GCODE_MUTANTS
-from sim.experiments.mutants_tools import TOOL_MUTANTS
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from tests.direct_actions import direct_actions
+from tests.mutants.catalogue import NotHereError
+from tests.mutants.gcode import GCODE_MUTANTS
+from tests.mutants.tools import TOOL_MUTANTS
 
 MACHINE = "mk4s"
 HEAD = "; by hand\nM104 S215\nG28\nG90\nM83\n"

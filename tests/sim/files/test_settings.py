@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode.dialects.dialect import Kind, classify
-from sim.experiments.made_settings import CASES, laid_under, made
 from sim.files.settings import check_settings, settings_of
+from tests.makers.settings import CASES, laid_under, made
 
 TWO_WAYS = {"advance of each tool", "advance of all tools"}  # no firmware reads it in both ways
 SOURCE = b"M204 P900 T4000\nM106 S127.5\nG1 X1 E1\nM107\nM900 K.2\nG1 X2 E1\nM106 S51\nG1 X3 E1\n"

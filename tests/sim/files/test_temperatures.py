@@ -10,9 +10,9 @@ import pytest
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.controller.targets import Targets
 from decmcts.formats.machines.machine_file import load_machine
-from sim.experiments.made_one_by_one import one_by_one
 from sim.files.temperatures import check_temperatures
 from sim.files.written import verify_written
+from tests.makers.one_by_one import one_by_one
 
 SOURCE = b"M104 S200\nM109 S200\nG1 X1 E1\nM104 S200\nG1 X2 E1\nM104 S195\nG1 X3 E1\n"
 

@@ -9,11 +9,11 @@ import pytest
 
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.machine import Machine
-from sim.experiments.random_machines import random_machine
 from sim.pictures.heads_in_row import Row, row_of
 from sim.pictures.machine_picture import draw_machine
 from sim.replay.collision import Solid
 from sim.replay.shapes import parts_of
+from tests.makers.random_machines import random_machine
 
 
 def by_fcl(machine: Machine, row: Row, one: int, other: int, nearer: float = 0.0) -> float:

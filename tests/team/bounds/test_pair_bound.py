@@ -16,7 +16,7 @@ from decmcts.team.bounds.pair_bound import cover_prices, pair_bound
 from decmcts.team.bounds.rail_bound import Held
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.random_teams import KINDS, problem_on, random_plans
+from tests.makers.random_teams import KINDS, problem_on, random_plans
 
 ZERO = load_machine("dueling-zero")
 

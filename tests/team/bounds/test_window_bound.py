@@ -16,7 +16,7 @@ from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.bounds.window_bound import CELL_MM, window_bound, window_of
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.random_teams import KINDS, problem_of, random_plans
+from tests.makers.random_teams import KINDS, problem_of, random_plans
 
 
 def strokes(*places: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:

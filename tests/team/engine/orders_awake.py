@@ -14,7 +14,7 @@ from decmcts._kernels.engine.lags import Lags
 from decmcts.team.engine.plans import encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
-from sim.experiments.random_teams import problem_of
+from tests.makers.random_teams import problem_of
 
 SEEDS = (5, 9, 33, 40)  # of machines: two heads on a rail along y, three on two rails and on one
 POLICIES = (0, 5, 60)

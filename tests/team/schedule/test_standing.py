@@ -18,10 +18,10 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.standing import with_stops
 from decmcts.team.schedule.timing import ActionTimes, action_times
-from sim.experiments.mutants import Mutant
-from sim.experiments.mutants_waits import STOP_MUTANTS
 from sim.faults import FaultKind
 from sim.verify import verify_plan
+from tests.mutants.catalogue import Mutant
+from tests.mutants.waits import STOP_MUTANTS
 from tests.team.schedule.test_joint_plan import random_split
 from tests.team.schedule.test_rests import lags_of
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.experiments.mutants import NotHereError, pick
+from tests.mutants.catalogue import NotHereError, pick
 
 Plan = dict[str, Any]
 Rng = np.random.Generator

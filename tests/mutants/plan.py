@@ -1,6 +1,6 @@
 """Mutants of a plan.json, as the JSON object it holds (docs/plan-format.md).
 
-Changes of actions are in `mutants_actions`, changes of what they wait for in `mutants_waits`,
+Changes of actions are in `actions`, changes of what they wait for in `waits`,
 all others here.
 """
 
@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.experiments.mutants import Mutant, NotHereError
-from sim.experiments.mutants_actions import (
+from tests.mutants.actions import (
     acceleration_raised,
     across_a_barrier,
     barrier_denied,
@@ -39,7 +38,8 @@ from sim.experiments.mutants_actions import (
     upper_layer_first,
     wait_that_moves,
 )
-from sim.experiments.mutants_waits import STOP_MUTANTS, TIME_MUTANTS, WAIT_MUTANTS
+from tests.mutants.catalogue import Mutant, NotHereError
+from tests.mutants.waits import STOP_MUTANTS, TIME_MUTANTS, WAIT_MUTANTS
 
 Plan = dict[str, Any]
 Rng = np.random.Generator

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from sim.experiments.gcode_lines import (
+from tests.mutants.catalogue import Mutant, NotHereError, pick
+from tests.mutants.gcode_lines import (
     ARC,
     BEAD,
     PRIME,
@@ -21,7 +22,6 @@ from sim.experiments.gcode_lines import (
     some_contour,
     within,
 )  # fmt: skip
-from sim.experiments.mutants import Mutant, NotHereError, pick
 
 
 def bead_twice(lines: Lines, rng: Rng) -> None:

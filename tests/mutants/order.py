@@ -10,9 +10,9 @@ import re
 
 import numpy as np
 
-from sim.experiments.gcode_lines import Lines, change, insert, moved_earlier, moved_later, remove
-from sim.experiments.made_one_by_one import COOLER, one_by_one
-from sim.experiments.mutants import Mutant, NotHereError
+from tests.makers.one_by_one import COOLER, one_by_one
+from tests.mutants.catalogue import Mutant, NotHereError
+from tests.mutants.gcode_lines import Lines, change, insert, moved_earlier, moved_later, remove
 
 Rng = np.random.Generator
 

@@ -26,7 +26,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
-from sim.experiments.random_machines import random_machine, random_print
+from tests.makers.random_machines import random_machine, random_print
 
 F = TypeVar("F", bound=Callable[..., Any])
 CLOSE = 1e-9  # share of a makespan; orders nearer than that are equally good

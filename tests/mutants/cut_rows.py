@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
-from sim.experiments.mutants import NotHereError
+from tests.mutants.catalogue import NotHereError
 
 Plan = dict[str, Any]
 Row = dict[str, Any]

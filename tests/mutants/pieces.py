@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.experiments.cut_rows import PER_SEGMENT, Plan, Row, brothers, per_segment, place_of
-from sim.experiments.mutants import Mutant, NotHereError, pick
+from tests.mutants.catalogue import Mutant, NotHereError, pick
+from tests.mutants.cut_rows import PER_SEGMENT, Plan, Row, brothers, per_segment, place_of
 
 Rng = np.random.Generator
 Spoil = Callable[[Plan, Rng], None]

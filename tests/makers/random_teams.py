@@ -1,6 +1,6 @@
 """Hostile plans on machines made at random: each must resolve, and the judge must agree.
 
-    python -m sim.experiments.random_teams [--machines 100] [--plans 100] [--seed 0]
+    python -m tests.makers.random_teams [--machines 100] [--plans 100] [--seed 0]
 
 Prints how many plans resolved to a joint order the judge accepts, and of the others why.
 `benchmarks/random_teams.py` does the same for the presets too, resumably, with a table.
@@ -24,9 +24,9 @@ from decmcts.team.engine.plans import POLICIES, encode, encode_serial
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.random_machines import random_machine, random_print
 from sim.faults import Verdict
 from sim.verify import verify_plan
+from tests.makers.random_machines import random_machine, random_print
 
 RULES = OrderRules(quality=False, freedom="reversible")
 KINDS = ("sensible", "shuffled", "all for each", "nonsense", "none", "one order", "bad order",

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.experiments.mutants import Mutant, NotHereError
-from sim.experiments.mutants_actions import longest_actions, some_print
+from tests.mutants.actions import longest_actions, some_print
+from tests.mutants.catalogue import Mutant, NotHereError
 
 Plan = dict[str, Any]
 Rng = np.random.Generator

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.experiments.mutants import NotHereError, pick
+from tests.mutants.catalogue import NotHereError, pick
 
 Lines = list[str]
 Files = list[Lines]  # one a head

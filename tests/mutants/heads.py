@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
-from sim.experiments.gcode_lines import (
+from tests.mutants.catalogue import Mutant, NotHereError, pick
+from tests.mutants.gcode import GCODE_MUTANTS
+from tests.mutants.gcode_lines import (
     BEAD,
     PASSED,
     SIGNAL,
@@ -23,8 +25,6 @@ from sim.experiments.gcode_lines import (
     rows_of,
     some_contour,
 )  # fmt: skip
-from sim.experiments.mutants import Mutant, NotHereError, pick
-from sim.experiments.mutants_gcode import GCODE_MUTANTS
 
 
 def exchange_files(files: Files, rng: Rng) -> None:

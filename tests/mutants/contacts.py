@@ -1,6 +1,6 @@
 """Mutants of a G-code file with scarf seams: contacts that its source does not make.
 
-They spoil lines as `sim.experiments.made_scarf` writes them: a contour from `;TYPE:` on.
+They spoil lines as `tests.makers.scarf` writes them: a contour from `;TYPE:` on.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from sim.experiments.mutants import Mutant, pick
+from tests.mutants.catalogue import Mutant, pick
 
 Lines = list[str]
 Rng = np.random.Generator

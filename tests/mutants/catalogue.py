@@ -1,11 +1,11 @@
 """Mutants: ways to spoil a good result, each with what a judge must make of it.
 
 A mutant changes a result in place. The result is then wrong, unless the mutant states why the
-change is harmless. Changes of plans are in `mutants_plan` (with `mutants_actions` and
-`mutants_waits`). Those of files are made of `gcode_lines`: `mutants_gcode`, `mutants_contacts`,
-`mutants_dots`, `mutants_tools`, and `mutants_heads` for several heads. `benchmarks/mutations.py`
-tries them all. Those of cut prints are `mutants_cuts`, `mutants_pieces` (made of `cut_rows`) and
-`mutants_piece_lines`; `benchmarks/cut_plans.py` makes thousands of them.
+change is harmless. Changes of plans are in `plan` (with `actions` and
+`waits`). Those of files are made of `gcode_lines`: `gcode`, `contacts`,
+`dots`, `tools`, and `heads` for several heads. `benchmarks/mutations.py`
+tries them all. Those of cut prints are `cuts`, `pieces` (made of `cut_rows`) and
+`piece_lines`; `benchmarks/cut_plans.py` makes thousands of them.
 
 References
 ----------

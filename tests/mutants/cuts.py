@@ -1,7 +1,7 @@
 """Mutants of cut prints: pieces printed twice, never, the other way round, cut where none may be.
 
-What is said of a piece is spoilt in `mutants_pieces`, the files of heads in
-`mutants_piece_lines`. `benchmarks/cut_plans.py` makes thousands of all three.
+What is said of a piece is spoilt in `pieces`, the files of heads in
+`piece_lines`. `benchmarks/cut_plans.py` makes thousands of all three.
 """
 
 from __future__ import annotations
@@ -10,7 +10,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.experiments.cut_rows import (
+from tests.mutants.actions import (
+    across_a_barrier,
+    jump,
+    process_order_swapped,
+    reversed_unsaid,
+    shift_path,
+    upper_layer_first,
+)
+from tests.mutants.catalogue import Mutant, NotHereError, pick
+from tests.mutants.cut_rows import (
     Plan,
     Row,
     add_actions,
@@ -24,15 +33,6 @@ from sim.experiments.cut_rows import (
     segments,
     split,
     travel_only,
-)
-from sim.experiments.mutants import Mutant, NotHereError, pick
-from sim.experiments.mutants_actions import (
-    across_a_barrier,
-    jump,
-    process_order_swapped,
-    reversed_unsaid,
-    shift_path,
-    upper_layer_first,
 )
 
 Rng = np.random.Generator

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from decmcts.print.plan import PlanDocument
-from sim.experiments.late_heads import TROUBLES, Rehearsal, random_trouble
-from sim.experiments.random_teams import RULES, outcome, problem_of
+from tests.makers.late_heads import TROUBLES, Rehearsal, random_trouble
+from tests.makers.random_teams import RULES, outcome, problem_of
 
 
 @pytest.fixture(scope="module")

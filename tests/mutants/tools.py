@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from sim.experiments.gcode_lines import (
+from tests.mutants.catalogue import Mutant, pick
+from tests.mutants.gcode_lines import (
     BEAD,
     PRIME,
     Files,
@@ -14,7 +15,6 @@ from sim.experiments.gcode_lines import (
     remove,
     rows_of,
 )  # fmt: skip
-from sim.experiments.mutants import Mutant, pick
 
 
 def other_retraction(own: str, other: str) -> Spoil:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from sim.experiments.gcode_lines import BEAD, Files, Lines, Rng, Spoil, change, in_one, rows_of
-from sim.experiments.mutants import Mutant, NotHereError, pick
+from tests.mutants.catalogue import Mutant, NotHereError, pick
+from tests.mutants.gcode_lines import BEAD, Files, Lines, Rng, Spoil, change, in_one, rows_of
 
 DOT = re.compile(r"^G1 E1\.50000 F100$")
 PILLAR = re.compile(r"^G1 Z2\.300 E0\.40000")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 
-from sim.experiments.gcode_lines import Files, Lines, Rng, Spoil, change, in_one, rows_of
-from sim.experiments.mutants import Mutant, NotHereError, pick
-from sim.experiments.mutants_heads import HEAD_MUTANTS
+from tests.mutants.catalogue import Mutant, NotHereError, pick
+from tests.mutants.gcode_lines import Files, Lines, Rng, Spoil, change, in_one, rows_of
+from tests.mutants.heads import HEAD_MUTANTS
 
 PIECE = re.compile(r"^; next contour")
 PRINTS = re.compile(r"^G1 X(\S+) Y(\S+) E(\d\S*)(.*)$")

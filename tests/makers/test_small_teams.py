@@ -14,7 +14,7 @@ from decmcts.team.engine.order import sequences_of
 from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
-from sim.experiments.small_teams import least_makespan, small_problem
+from tests.makers.small_teams import least_makespan, small_problem
 
 PRINTS = [(5, 2, 2, 1), (49, 2, 2, 1), (49, 2, 1, 2), (9, 3, 2, 1), (33, 3, 1, 2)]
 
