@@ -2,8 +2,9 @@
 
 The theory of operation. Plans of one run are numbered. A head takes up plan n when it has done
 its share of plan n - 1; it says so in its reports, with the digest of n, and begins nothing of n
-until every head of n has said the same digest. So no head is ever two plans ahead, and none
-carries out what another does not know. Numbers of plans that were dropped are not used again.
+until every head of n has said the same digest, and every head without a part in n that it has done
+its last plan, its way to its park, unless it was fenced since. So no head is ever two plans ahead,
+and none carries out what another does not know. Numbers of dropped plans are not used again.
 
 Within a plan an action is released to the controller once all it waits for *has happened*: the
 other head's controller said so, and its report arrived. What a dead head has not done never
@@ -180,17 +181,32 @@ class Carrier:
             return None
         plan = self.plans[self.number]
         if not self.may_begin(plan):
-            return next(head for head in plan.heads if not self._agrees(plan, head))
+            disagree = (head for head in plan.heads if not self._agrees(plan, head))
+            return next(disagree, self.moving(plan))
         for edge in actions.after_edges(self.released):
             if not self.has_passed(plan, edge):
                 return plan.heads[edge.head]
         return None
 
     def may_begin(self, plan: NumberedPlan) -> bool:
-        """Tell whether all heads of a plan hold it, or did when it was begun."""
+        """Tell whether all heads of a plan hold it and no other moves, or so it was when begun."""
         if self.agreed == plan.number:
             return True
-        return all(self._agrees(plan, head) for head in plan.heads)
+        return all(self._agrees(plan, head) for head in plan.heads) and self.moving(plan) is None
+
+    def moving(self, plan: NumberedPlan) -> int | None:
+        """Return a head without a part in a plan that may not stand yet: it goes to its park."""
+        before = [self.plans[k] for k in sorted(self.plans) if k < plan.number]
+        last = {head: each for each in before for head in each.heads}
+        for head, each in last.items():
+            if head in plan.heads or self.fenced.get(head, (-1, NOTHING))[0] >= each.number:
+                continue
+            report, actions = self.reports.get(head), each.of(head)
+            if report is None or actions is None or report.digest != each.digest:
+                return head
+            if report.number != each.number or report.reached.ended < len(actions):
+                return head
+        return None
 
     def _next(self) -> NumberedPlan | None:
         """Return the plan that is taken up behind the one the controller holds."""

@@ -39,6 +39,7 @@ from decmcts.planning.running.options import (
     Show,
     unseen,
 )
+from decmcts.planning.running.parking import SAME_MM
 from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.renewing import Begin, News, NotRenewed, Parking, Renewed, renew
 from decmcts.planning.running.standing import Standing, view_of
@@ -182,7 +183,7 @@ class Launcher:
         self._settle_missing()
         if self._unplanned and not self._lost() and not self._holding and not self._planning:
             self._hold()
-        if self._holding and all(h in self._held for h in self._living()):
+        if self._holding and all(h in self._held for h in self._told()):
             self._divide()
         now = time.monotonic()
         if now - self._shown_at > SHOWN_S:
@@ -198,7 +199,7 @@ class Launcher:
             self._has_done(h, before=len(self.plans) - 1) for h in self._living()
         )
         begun = self.plans[-1].events or not self.plans[-1].is_print
-        real = self._planning or (takes_up and not begun)
+        real = self._planning or self._holding or (takes_up and not begun)
         pace = min(1.0, self.options.speed) if real else self.options.speed
         if pace != self.clock.pace:
             self.clock.set_pace(pace)
@@ -241,6 +242,8 @@ class Launcher:
                 carried = self.plans[head.number]
                 place = carried.heads.index(item.head)
                 carried.take(item.head, replace(event, head=place))
+                if head.failure is not None and not carried.is_print and self._has_done(item.head):
+                    head.failure.at = self._park(item.head)
                 self._event_at = time.monotonic()
                 if event.kind is EventKind.FAILED:
                     self._fail(item.head, event.what)
@@ -281,9 +284,16 @@ class Launcher:
 
     def _find_failures(self) -> None:
         for head in self.heads:
-            if head.parks and (head.controller_gone or head.agent_gone):
-                head.parks, head.fenced = False, False  # it stands who knows where
-                self.report(Note(f"{head.name}: {PERSON.format(name=head.name)}"))
+            if not head.parks or not (head.controller_gone or head.agent_gone):
+                continue
+            head.parks, h = False, self.heads.index(head)
+            if self._is_parked(h):
+                last = [carried for carried in self.plans if h in carried.heads][-1]
+                self._tell_fenced(last, h)
+                continue
+            head.fenced = False  # it stands who knows where
+            self._drop_plans()
+            self.report(Note(f"{head.name}: {PERSON.format(name=head.name)}"))
         for h in self._living():
             head = self.heads[h]
             if head.controller_gone:
@@ -318,8 +328,11 @@ class Launcher:
         head.fenced, head.failure.at = True, at
         head.failure.fenced_s = self.clock.now()
         self._unplanned.add(h)
-        if self._planning or self._holding:  # what is planned has this head in it
-            self._planning, self._holding = 0, False
+        self._drop_plans()  # what is planned has this head in it
+
+    def _drop_plans(self) -> None:
+        """Leave what is planned: it is not true any more."""
+        self._planning, self._holding = 0, False
 
     def _settle_missing(self) -> None:
         """Have a head stop that the others do not hear although its process lives: its bus is."""
@@ -339,8 +352,16 @@ class Launcher:
 
     def _hold(self) -> None:
         self._held, self._holding = {}, True
-        for h in self._living():
+        for h in self._told():
             self._tell(h, command="hold")
+
+    def _goes_on_in(self, carried: Carried, h: int) -> bool:
+        """Tell whether a head may do more of a plan: it works, or it is on its way to its park."""
+        head, last = self.heads[h], carried.last(h)
+        if head.failure is None:
+            return True
+        failed = last is not None and last.kind is EventKind.FAILED
+        return head.parks and not carried.is_print and not failed
 
     def _divide(self) -> None:
         """Say how far each head goes on, and have the rest planned."""
@@ -348,17 +369,21 @@ class Launcher:
         living = self._living()
         if not living:
             return
-        base = max((p.number for p in self.plans if p.events), default=0)
+        begun = [number for number, released in self._held.values() if released]
+        base = max([0, *begun, *(p.number for p in self.plans if p.events)])
         carried = self.plans[base]
         stopped = self._all_stopped(carried)
         least = [
             carried.count(h) if self._held.get(h, (-1, 0))[0] > base
-            else self._held[h][1] if h in living and self._held[h][0] == base else 0
-            for h in carried.heads
+            else self._held[h][1] if k not in stopped and self._held[h][0] == base else 0
+            for k, h in enumerate(carried.heads)
         ]  # fmt: skip
         plan = carried.document.plan
         whole = committed(plan, least, stopped, math.inf)
         state = self._state(carried, whole)
+        if self._lost():  # what is planned without knowing where it is might meet it
+            self._limit(carried, whole)
+            return
         if _is_whole(state) or (not carried.is_print and self._is_all_printed()):
             self._limit(carried, whole)
             self._unplanned.clear()
@@ -374,25 +399,31 @@ class Launcher:
         return carried.reached.get(h, Reached())
 
     def _all_stopped(self, carried: Carried) -> dict[int, Reached]:
-        """Return how far those heads of a plan came that do not live, by their place in it."""
-        living = self._living()
+        """Return how far those heads of a plan came that do no more of it, by place in it."""
         return {
-            k: self._stopped(carried, h) for k, h in enumerate(carried.heads) if h not in living
+            k: self._stopped(carried, h)
+            for k, h in enumerate(carried.heads)
+            if not self._goes_on_in(carried, h)
         }
 
     def _limit(self, carried: Carried, until: list[int]) -> None:
         for h, k in zip(carried.heads, until, strict=True):
             carried.until[h] = k
-        for h in self._living():
-            for gone, head in enumerate(self.heads):
-                if head.fenced and gone in carried.heads:
-                    reached = self._stopped(carried, gone)
-                    self._tell(
-                        h, command="fence", head=gone, number=carried.number,
-                        reached=[reached.ended, reached.begun, reached.point],
-                    )  # fmt: skip
+        for gone in carried.heads:
+            if self.heads[gone].fenced and not self._goes_on_in(carried, gone):
+                self._tell_fenced(carried, gone)
+        for h in self._told():
             until_h = carried.until.get(h, 0)
             self._tell(h, command="limit", number=carried.number, until=until_h)
+
+    def _tell_fenced(self, carried: Carried, gone: int) -> None:
+        """Tell all that a head does no more of a plan, and how far it came."""
+        reached = self._stopped(carried, gone)
+        for h in self._told():
+            self._tell(
+                h, command="fence", head=gone, number=carried.number,
+                reached=[reached.ended, reached.begun, reached.point],
+            )  # fmt: skip
 
     def _printing(self) -> Carried:
         """Return the last plan that prints and that heads began."""
@@ -423,8 +454,10 @@ class Launcher:
             for h in self._living()
         }
         fenced = {
-            head.name: head.failure.at
-            for head in self.heads
+            head.name: carried.stands(h, carried.until[h])
+            if h in carried.heads and self._goes_on_in(carried, h)
+            else head.failure.at
+            for h, head in enumerate(self.heads)
             if head.fenced and head.failure is not None and head.failure.at is not None
         }
         parking = {head.name: fenced[head.name] for head in self.heads if head.parks}
@@ -468,9 +501,6 @@ class Launcher:
         match news:
             case Parking(_, document):
                 self._announce(document, is_print=False)
-                for head in self.heads:  # there they will stand
-                    if head.parks and head.failure is not None:
-                        head.failure.at = self._park(self.heads.index(head))
             case Renewed(_, document, source, left_out, lines):
                 self._planning, now_s = 0, self.clock.now()
                 self.reason = ""
@@ -490,6 +520,12 @@ class Launcher:
                 else:
                     self._give_up(max((p for p in self.plans if p.events),
                                       key=lambda p: p.number))  # fmt: skip
+
+    def _is_parked(self, h: int) -> bool:
+        """Tell whether a head that failed stands at its park."""
+        failure = self.heads[h].failure
+        at = None if failure is None else failure.at
+        return at is not None and math.dist(at, self._park(h)) < SAME_MM
 
     # People -----------------------------------------------------------------
 

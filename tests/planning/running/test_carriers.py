@@ -10,7 +10,7 @@ from agents.networks.transport import Packet
 from agents.running.carrier import Carrier, NumberedPlan, committed
 from agents.running.port import Pause, Ready, Release, Resume, Start
 from agents.running.report import KIND, NOTHING, Reached, Report, unpack_report
-from decmcts.print.plan import PlanDocument
+from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.print_events import EventKind, PrintEvent
 from sim.controllers.feeding import Feeding, Work
 from tests.planning.replanning.conftest import Made
@@ -210,3 +210,23 @@ def test_a_fenced_head_that_parks_is_waited_for(made: Made) -> None:
     carrier.take_report(Report(1 - h, 1, 1, DIGEST, Reached(edge.action + 1)))
     assert not carrier.has_passed(before, edge)
     assert carrier.has_passed(later, edge)
+
+
+def test_the_rest_begins_when_who_failed_stands_at_its_park(made: Made) -> None:
+    """It had begun while a head was on its way there, and met it."""
+    plan = made.document.plan
+    parking = NumberedPlan(1, "parks", "1" * 16, JointPlan(plan.heads), (0, 1))
+    rest = NumberedPlan(2, "rest", DIGEST, JointPlan(plan.heads[:1]), (0,))
+    carrier = Carrier(0)
+    for each in (parking, rest):
+        carrier.take_plan(each)
+    carrier.fence(1, 0, NOTHING)
+    whole = len(plan.heads[1])
+    assert not carrier.may_begin(rest) and carrier.moving(rest) == 1
+    carrier.take_report(Report(1, 1, 1, parking.digest, Reached(whole - 1)))
+    assert not carrier.may_begin(rest)
+    carrier.take_report(Report(1, 2, 1, parking.digest, Reached(whole)))
+    assert carrier.may_begin(rest)
+    carrier.reports.clear()
+    carrier.fence(1, 1, NOTHING)  # it failed on its way, and stands where it is planned around
+    assert carrier.may_begin(rest)

@@ -1,0 +1,126 @@
+"""What the launcher of a run hands out when heads fail, with processes that only listen."""
+
+from __future__ import annotations
+
+import queue
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents.launching.processes import Said as AgentSaid
+from agents.running.clock import PrintClock
+from agents.running.heads import Recorded
+from agents.running.port import Ready
+from decmcts.planning.running import launcher as module
+from decmcts.planning.running.launcher import Launcher
+from decmcts.planning.running.options import RunOptions
+from decmcts.planning.running.parking import parking_plan
+from decmcts.planning.running.renewing import Begin, Parking
+from decmcts.planning.running.standing import Standing
+from decmcts.print.machine import Point
+from decmcts.print.print_events import EventKind, PrintEvent
+from tests.planning.replanning.conftest import Made
+
+LEFT, RIGHT = 0, 1
+
+
+class Listening:
+    """The processes of a head: they keep what they are told."""
+
+    def __init__(self) -> None:
+        self.told: list[dict[str, Any]] = []
+        self.agent = self
+
+    def tell(self, command: dict[str, Any]) -> None:
+        self.told.append(command)
+
+    def restart(self) -> None:
+        """Start no process."""
+
+    def kill(self) -> None:
+        """End none."""
+
+
+class Desk:
+    """A launcher whose heads are spoken for by a test."""
+
+    def __init__(self, made: Made, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.begun: list[tuple[int, Begin]] = []
+        monkeypatch.setattr(
+            module, "renew", lambda token, begin, *_: self.begun.append((token, begin))
+        )
+        self.launcher = Launcher(
+            made.document, made.source, RunOptions(), folder, queue.Queue()
+        )  # fmt: skip
+        names = [head.head for head in made.document.plan.heads]
+        self.launcher.heads = [Standing(name) for name in names]
+        self.launcher.processes = [Listening() for _ in names]  # type: ignore[misc]
+        self.launcher.clock = PrintClock.made(folder / "clock", 1.0)
+        self.launcher._sources[0] = made.source
+        self.launcher._announce(made.document, is_print=True)
+        for h in (LEFT, RIGHT):
+            self.says(h, Ready(0, ""))
+
+    def says(self, head: int, said: Any) -> None:
+        """Have a controller say something."""
+        self.launcher._take(Recorded(head, said))
+
+    def event(self, head: int, kind: EventKind, at: Point, what: str = "") -> None:
+        """Have it tell what happened in its first action."""
+        self.says(head, PrintEvent(kind, head, 10.0, 0, 0, at, what=what))
+
+    def hold(self, *numbers: int) -> None:
+        """Have all agents hold."""
+        self.launcher._step()
+        for h, number in enumerate(numbers):
+            self.launcher._take(AgentSaid(h, {"event": "held", "number": number, "released": 1}))
+        self.launcher._step()
+
+    def park(self) -> None:
+        """Have a way to the parks found."""
+        token, begin = self.begun[-1]
+        parking = parking_plan(begin.document, begin.whole, begin.standing, begin.obstacles)
+        assert parking is not None
+        self.launcher._take(Parking(token, parking))
+
+
+@pytest.fixture
+def desk(made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
+    return Desk(made, tmp_path, monkeypatch)
+
+
+def test_a_head_that_failed_is_parked_when_its_controller_says_so(made: Made, desk: Desk) -> None:
+    """It had counted as parked as soon as a way was found."""
+    at, park = (200.0, 100.0, 1.0), made.document.machine.heads[RIGHT].park
+    desk.event(RIGHT, EventKind.FAILED, at, "clogged")
+    desk.hold(0, 0)
+    desk.park()
+    desk.says(RIGHT, Ready(1, ""))
+    desk.event(RIGHT, EventKind.BEGAN, at)
+    assert desk.launcher.failures[0].at == at
+    desk.event(RIGHT, EventKind.ENDED, park)
+    assert desk.launcher.failures[0].at == park
+
+
+def test_a_head_that_has_not_parked_yet_is_where_it_stands(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its way is planned anew when another head fails meanwhile."""
+    at, beside = (200.0, 100.0, 1.0), (60.0, 100.0, 1.0)
+    desk.event(RIGHT, EventKind.FAILED, at, "clogged")
+    desk.hold(0, 0)
+    desk.park()
+    desk.event(LEFT, EventKind.FAILED, beside, "clogged")
+    monkeypatch.setattr(Launcher, "_living", lambda _: [LEFT])  # as if a third head worked
+    desk.hold(0, 0)
+    assert desk.begun[-1][1].standing["right"] == at
+
+
+def test_nothing_is_planned_while_a_head_is_lost(desk: Desk) -> None:
+    """Nobody knows where it is: the others go on with what does not need it."""
+    desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), "clogged")
+    desk.launcher._step()
+    desk.launcher.heads[LEFT].controller_gone = "its controller hangs"
+    desk.hold(0, 0)
+    assert not desk.begun and desk.launcher._lost() == [LEFT]
