@@ -1,0 +1,91 @@
+"""An old joint order for what is left of its print: no search, but somebody must take over.
+
+What a head leaves that prints no more goes to others in four simple ways, of which the soonest
+counts: to the one that parks nearest, or part by part to the one that has the least to do; at its
+turn in the old order, or behind all that does not wait for it.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.team.engine.alone import nearest_first
+from decmcts.team.engine.plans import StatedOrder, encode_stated
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import Resolved, resolve
+
+Ints = NDArray[np.int64]
+
+
+class Old(NamedTuple):
+    """The order of the plan that was carried out, as far as it matters for the rest."""
+
+    order: StatedOrder  # of all contours of the plan
+    left: Ints  # (n,) which of these each contour of the rest is, rising
+    head: Ints  # (heads,) which of the rest's heads each was; -1: it prints no more
+
+
+def retimed(team: TeamProblem, old: Old) -> tuple[StatedOrder, Resolved]:
+    """Return what is left of an old order, and when heads are done that carry it out.
+
+    Raises
+    ------
+    InputError
+        Where heads cannot carry it out.
+    """
+    found = []
+    for balanced, behind in product((False, True), repeat=2):
+        order = _taken_over(team, old, balanced=balanced, behind=behind)
+        resolved = _stated(team, order)
+        if np.array_equal(StatedOrder.of(resolved.toolpaths).head, order.head):
+            found.append((order, resolved))
+    if not found:
+        raise InputError("what is left cannot be printed in the old order")
+    return min(found, key=lambda one: one[1].makespan_s)
+
+
+def _stated(team: TeamProblem, order: StatedOrder) -> Resolved:
+    heads = len(team.machine.heads)
+    return resolve(team, {0: encode_stated(order, heads, team.n_macros)}, range(heads))
+
+
+def _taken_over(team: TeamProblem, old: Old, *, balanced: bool, behind: bool) -> StatedOrder:
+    """Return what is left of an old order, with what nobody prints taken over."""
+    kept = np.isin(old.order.order, old.left)
+    order = np.searchsorted(old.left, old.order.order[kept])
+    head = np.empty(len(order), np.int64)
+    head[order] = old.head[old.order.head[kept]]
+    late = _late(team.graph, order, head < 0) if behind else np.zeros(len(order), np.bool_)
+    _give(team, head, order, balanced=balanced)
+    row = np.argsort(late[order], kind="stable")
+    is_reversed = old.order.reversed[kept][row]
+    return StatedOrder(order[row].astype(np.int32), is_reversed, head[order[row]])
+
+
+def _late(graph: DependencyGraph, order: Ints, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which contours are left by a head or come after such, (n,)."""
+    late = left.copy()
+    for c in order.tolist():
+        before = graph.preds[graph.pred_offsets[c] : graph.pred_offsets[c + 1]]
+        late[c] |= late[before].any()
+    return late
+
+
+def _give(team: TeamProblem, head: Ints, order: Ints, *, balanced: bool) -> None:
+    """Fill in who prints each contour that has no head, (n,) `head`."""
+    eligible, seconds = team.space.eligible, team.visits.seconds
+    heads = range(eligible.shape[1])
+    nearest = nearest_first(team.space, heads)
+    work = [float(seconds[r, head == r].sum()) for r in heads]
+    rows = order[head[order] < 0]
+    for part in dict.fromkeys(team.part[rows].tolist()):
+        first = sorted(heads, key=work.__getitem__) if balanced else nearest
+        for c in rows[team.part[rows] == part].tolist():
+            head[c] = next(r for r in first if eligible[c, r])
+            work[head[c]] += float(seconds[head[c], c])
