@@ -2,11 +2,13 @@
 
 What a head leaves that prints no more goes to others in four simple ways, of which the soonest
 counts: to the one that parks nearest, or part by part to the one that has the least to do; at its
-turn in the old order, or behind all that does not wait for it.
+turn in the old order, or behind all that does not wait for it. The rest of a print may demand more
+than the print did: then contours come as soon as they may.
 """
 
 from __future__ import annotations
 
+from heapq import heapify, heappop, heappush
 from itertools import product
 from typing import NamedTuple
 
@@ -43,7 +45,7 @@ def retimed(team: TeamProblem, old: Old) -> tuple[StatedOrder, Resolved]:
     for balanced, behind in product((False, True), repeat=2):
         order = _taken_over(team, old, balanced=balanced, behind=behind)
         resolved = _stated(team, order)
-        if np.array_equal(StatedOrder.of(resolved.toolpaths).head, order.head):
+        if _is_kept(order, resolved):
             found.append((order, resolved))
     if not found:
         raise InputError("what is left cannot be printed in the old order")
@@ -55,29 +57,41 @@ def _stated(team: TeamProblem, order: StatedOrder) -> Resolved:
     return resolve(team, {0: encode_stated(order, heads, team.n_macros)}, range(heads))
 
 
+def _is_kept(order: StatedOrder, resolved: Resolved) -> bool:
+    """Tell whether each head does what the order says; else heads cannot carry it out."""
+    return all(
+        np.array_equal(found.order, order.order[order.head == r])
+        for r, found in enumerate(resolved.toolpaths)
+    )
+
+
 def _taken_over(team: TeamProblem, old: Old, *, balanced: bool, behind: bool) -> StatedOrder:
     """Return what is left of an old order, with what nobody prints taken over."""
     kept = np.isin(old.order.order, old.left)
-    order = np.searchsorted(old.left, old.order.order[kept])
-    head = np.empty(len(order), np.int64)
-    head[order] = old.head[old.order.head[kept]]
-    late = _late(team.graph, order, head < 0) if behind else np.zeros(len(order), np.bool_)
+    was = np.searchsorted(old.left, old.order.order[kept])
+    turn, head = np.empty(len(was), np.int64), np.empty(len(was), np.int64)
+    turn[was], head[was] = np.arange(len(was)), old.head[old.order.head[kept]]
+    order = _by_turn(team.graph, turn + len(turn) * ((head < 0) & behind))
     _give(team, head, order, balanced=balanced)
-    row = np.argsort(late[order], kind="stable")
-    is_reversed = old.order.reversed[kept][row]
-    return StatedOrder(order[row].astype(np.int32), is_reversed, head[order[row]])
+    return StatedOrder(order, old.order.reversed[kept][turn[order]], head[order])
 
 
-def _late(graph: DependencyGraph, order: Ints, left: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which contours are left by a head or come after such, (n,)."""
-    late = left.copy()
-    for c in order.tolist():
-        before = graph.preds[graph.pred_offsets[c] : graph.pred_offsets[c + 1]]
-        late[c] |= late[before].any()
-    return late
+def _by_turn(graph: DependencyGraph, turn: Ints) -> NDArray[np.int32]:
+    """Return contours by their turns, (n,), as far as what must come before allows."""
+    waits, order = np.diff(graph.pred_offsets), list[int]()
+    ready = [(int(turn[c]), c) for c in np.flatnonzero(waits == 0).tolist()]
+    heapify(ready)
+    while ready:
+        _, c = heappop(ready)
+        order.append(c)
+        for b in graph.succs[graph.succ_offsets[c] : graph.succ_offsets[c + 1]].tolist():
+            waits[b] -= 1
+            if not waits[b]:
+                heappush(ready, (int(turn[b]), b))
+    return np.array(order, np.int32)
 
 
-def _give(team: TeamProblem, head: Ints, order: Ints, *, balanced: bool) -> None:
+def _give(team: TeamProblem, head: Ints, order: NDArray[np.int32], *, balanced: bool) -> None:
     """Fill in who prints each contour that has no head, (n,) `head`."""
     eligible, seconds = team.space.eligible, team.visits.seconds
     heads = range(eligible.shape[1])
