@@ -38,8 +38,7 @@ PLANNERS: Mapping[str, Plan] = {
     "annealing": annealing.plan,
     "auction": auction.plan,
 }
-NETWORKS = ((0.0, 0.0), (0.5, 1.0))  # loss, delay at most in s
-ALL_NETWORKS = (NETWORKS[0], (0.2, 0.5), NETWORKS[1])
+NETWORKS = ((0.0, 0.0), (0.2, 0.5), (0.5, 1.0))  # loss, delay at most in s
 DECENTRAL, CENTRAL = "decentral", "central"
 
 
@@ -68,7 +67,7 @@ def _runs(asked: Asked) -> Iterator[Key]:
         for planner in PLANNERS:
             yield {"print": name, "setting": "equal time", "planner": planner, "loss": 0.0,
                    "delay_s": 0.0}  # fmt: skip
-        for loss, delay_s in ALL_NETWORKS if asked.full else NETWORKS:
+        for loss, delay_s in NETWORKS:
             for planner in (DECENTRAL, CENTRAL):
                 yield {"print": name, "setting": "network", "planner": planner, "loss": loss,
                        "delay_s": delay_s}  # fmt: skip
