@@ -14,26 +14,20 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from common import Rows, arguments, grouped, markdown, measured, median, run_missing, setting
 from team_prints import plate_path
 
+from decmcts.experiments.stopped import ended_by, with_late_head
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.options import Cut, TeamSearch
 from decmcts.planning.read import read
 from decmcts.planning.replanning.replan import replan, rest_of, rules_of
-from decmcts.print.plan import PlanDocument
-from decmcts.print.print_state import HeadState, PrintState
-from sim.controllers.carry_out import Run, carry_out
+from decmcts.print.print_state import state_of_heads
 from sim.controllers.from_plan import programs_of_plan
-from sim.controllers.motion import profile_of
-from sim.controllers.program import HeadProgram
-from sim.controllers.timing import no_error
 
 KEY = ("machine", "model", "limit_s", "slower", "moment", "seed")
 FIGURES = ("planned_s", "kept_s", "stopped_s", "rest_s", "error")
@@ -50,9 +44,11 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
         if made["exit"]:
             return {**key, **dict.fromkeys(FIGURES, ""), "error": made["error"]}
         document = read_plan(plan)
-    programs, late = programs_of_plan(document), document.plan.heads[-1].head
-    happened = _carried_out(document, programs, late, key["slower"])
-    state, stopped_s = _stopped(document, programs, happened, key["moment"])
+    programs, last = programs_of_plan(document), len(document.plan.heads) - 1
+    late, now = document.plan.heads[last].head, key["moment"] * document.plan.makespan_s
+    happened = with_late_head(document, programs, last, key["slower"])
+    heads, stopped_s = ended_by(document, programs, happened, now)
+    state = state_of_heads(document, heads)
     rest = rest_of(
         document, read(source, document.machine), state, {}, slower={late: key["slower"]}
     )
@@ -67,35 +63,6 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
         "rest_s": round(found.document.plan.makespan_s, 1),
         "error": "",
     }
-
-
-def _carried_out(
-    document: PlanDocument, programs: tuple[HeadProgram, ...], late: str, slower: float
-) -> Run:
-    """Carry out a plan, one head of which takes longer."""
-    errors = [no_error(program) for program in programs]
-    errors = [
-        replace(error, factor=error.factor * (slower if program.name == late else 1.0))
-        for error, program in zip(errors, programs, strict=True)
-    ]
-    seconds = [profile_of(program).seconds for program in programs]
-    return carry_out(programs, seconds, errors, document.machine.rest_s)
-
-
-def _stopped(
-    document: PlanDocument, programs: tuple[HeadProgram, ...], happened: Run, moment: float
-) -> tuple[PrintState, float]:
-    """Return the state in which each head has ended what it began by a moment, and when that is."""
-    now = moment * document.plan.makespan_s
-    done, heads, until = np.zeros(len(document.contours), np.bool_), list[HeadState](), now
-    for actions, program, what in zip(document.plan.heads, programs, happened.heads, strict=True):
-        begun = program.action[what.begin < now]
-        count = int(begun[-1]) + 1 if len(begun) else 0
-        until = max(until, float(what.end[program.action < count].max(initial=0.0)))
-        printed = actions.contour[:count]
-        done[printed[printed >= 0]] = True
-        heads.append(HeadState(actions.head, count))
-    return PrintState(tuple(heads), done), until
 
 
 def report(rows: Rows, said: str) -> str:

@@ -12,13 +12,14 @@ from decmcts.errors import InputError, VerificationError
 from decmcts.experiments.decentral_or_central import DECENTRAL_OR_CENTRAL
 from decmcts.experiments.kinds import Experiment, Key, Row
 from decmcts.experiments.loss_and_failure import LOSS_AND_FAILURE
+from decmcts.experiments.online import ONLINE
 from decmcts.experiments.paper import PAPER
 from decmcts.experiments.team_size import TEAM_SIZE
 from decmcts.experiments.timing import TIMING
 from decmcts.experiments.two_heads import TWO_HEADS
 from decmcts.version import __version__
 
-_ALL = (TWO_HEADS, TEAM_SIZE, TIMING, LOSS_AND_FAILURE, DECENTRAL_OR_CENTRAL, PAPER)
+_ALL = (TWO_HEADS, TEAM_SIZE, TIMING, LOSS_AND_FAILURE, DECENTRAL_OR_CENTRAL, ONLINE, PAPER)
 EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in _ALL})
 
 

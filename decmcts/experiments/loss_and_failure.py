@@ -32,6 +32,7 @@ from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stoppi
 from decmcts.experiments.pictures import boxes, figure
 from decmcts.experiments.prints import names_of, print_file
 from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
+from decmcts.experiments.stopped import log_until
 from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
 from decmcts.experiments.two_heads import machine_for
 from decmcts.feasibility.graph import DependencyGraph
@@ -46,7 +47,6 @@ from decmcts.planning.team.pipeline import Launch
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
-from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import state_of_events
 from decmcts.team.baselines.incumbent import PROCESSOR
 from decmcts.team.dec_mcts.rounds import plan_in_turn
@@ -55,7 +55,6 @@ from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from sim.controllers.carry_out import carry_out
-from sim.controllers.events import events_of
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.simulate import Simulation, simulate
 from sim.controllers.timing import no_error
@@ -162,25 +161,6 @@ def _source(key: Key, machine: Machine, what: Given) -> Source:
             path, what.problem.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=unheard
         )  # fmt: skip
     return replace(source, machine=what.problem.machine)
-
-
-def log_until(simulation: Simulation, document: PlanDocument, head: int, time_s: float) -> EventLog:
-    """Return what has happened up to a time at which a head stops for good."""
-    log = events_of(simulation, document.problem)
-    before = [event for event in log.events if event.time_s < time_s]
-    program, run = simulation.programs[head], simulation.run.heads[head]
-    at = simulation.positions(np.array([time_s]))[head][0]
-    begun = [e.action for e in before if e.head == head and e.kind is EventKind.BEGAN]
-    ended = [e.action for e in before if e.head == head and e.kind is EventKind.ENDED]
-    action, point = (begun[-1], 0) if begun else (-1, 0)
-    if begun and action not in ended:
-        mine = program.action == action
-        point = int(np.count_nonzero(run.end[mine] - simulation.begin_s <= time_s))
-    x, y, z = at.tolist()
-    failed = PrintEvent(
-        EventKind.FAILED, head, time_s, action, point, (x, y, z), what="clogged"
-    )  # fmt: skip
-    return EventLog(log.problem, log.heads, (*before, failed))
 
 
 def clairvoyant_s(document: PlanDocument, fails_s: float) -> float:

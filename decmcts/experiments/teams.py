@@ -59,6 +59,11 @@ def given(key: Key, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = MI
             path, machine, limits=Limits.SOURCE, mesh=SliceOptions(), report=unheard
         )  # fmt: skip
         problem = team_problem(source, Rules(), unheard)
+    return given_by(problem, cut)
+
+
+def given_by(problem: PrintProblem, cut: Cut = Cut.NONE) -> Given:
+    """Return what heads plan of a problem, cut where they then share it sooner."""
     found = best_sweep(problem, cut, unheard)
     problem = problem if found is None else found.problem
     lags = lags_of(problem, source_plan(problem))

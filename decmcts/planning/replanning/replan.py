@@ -25,7 +25,7 @@ from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import crew_started
 from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
-from decmcts.planning.problem.print_problem import parked_above
+from decmcts.planning.problem.print_problem import PrintProblem, parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.living import living_machine, slowed
@@ -233,13 +233,24 @@ def replan(
         search = replace(search, cut=Cut.NONE)
     waiting = crew_started(heads) if agents is None else nullcontext(None)
     with compilation_told(report) as told, compiling_beside([TEAM], told), waiting as crew:
-        problem = team_problem(rest.source, rules, told)
-        problem = replace(problem, job=_beside_printed(problem.job, rest))
+        problem = rest_problem(rest, rules, told)
         agree = partial(launch_agents, crew=crew) if agents is None else agents
         planned = plan_team(
             problem, search, writes=writes, report=told, stop=stop, agents=agree
         )  # fmt: skip
         return Result(planned, search)
+
+
+def rest_problem(rest: Rest, rules: Rules, report: Report = unheard) -> PrintProblem:
+    """Return the problem of what is left, beside what is printed and the heads that are fenced.
+
+    Raises
+    ------
+    InputError
+        When the rest cannot be planned.
+    """
+    problem = team_problem(rest.source, rules, report)
+    return replace(problem, job=_beside_printed(problem.job, rest))
 
 
 def _beside_printed(job: PrintJob, rest: Rest) -> PrintJob:

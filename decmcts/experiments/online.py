@@ -1,0 +1,234 @@
+"""`online`: something changes while a print is carried out, and what is left is planned anew.
+
+A joint plan is carried out up to a moment. There a head fails and is fenced at its park, or it is
+noticed that a head takes longer than planned, from the beginning on. The other heads end what they
+are at and go to their parks. What is left is planned from this one state in several ways: without a
+search, by a search a head (decentral), and by one search for all (central). All searches get equal
+processor time. What planning takes is not in the print time.
+
+*Retimed* is the old order with the old shares, and new times (`retimed.py`). *Going on* is the old
+plan where nobody stops for planning.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
+from decmcts.experiments.pictures import boxes, figure
+from decmcts.experiments.prints import is_own, names_of, shown
+from decmcts.experiments.retimed import Old, retimed
+from decmcts.experiments.rows import Line, column, grouped, markdown, spread
+from decmcts.experiments.stopped import ended_by, log_until, with_late_head
+from decmcts.experiments.teams import Given, bound_s, exact, given, given_by
+from decmcts.experiments.two_heads import machine_for
+from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.planning.options import Cut, Rules
+from decmcts.planning.replanning.replan import Rest, rest_of, rest_problem
+from decmcts.planning.replanning.rest import LeftBeads
+from decmcts.print.plan import PlanDocument
+from decmcts.print.print_state import PrintState, state_of_events, state_of_heads
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.baselines import greedy_dispatch, one_tree
+from decmcts.team.baselines.incumbent import Budget
+from decmcts.team.baselines.planners import in_one_process
+from decmcts.team.dec_mcts.warm_up import compile_rounds
+from decmcts.team.engine.plans import TUNED, StatedOrder
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from sim.controllers.from_plan import programs_of_plan
+from sim.controllers.simulate import simulate
+
+BED_MM = 500.0
+MADE = (("row-4-20-20", 2), ("strewn-9-12-3", 2), ("row-6-20-20", 3))
+FULL = (*MADE, ("row-3-60-10", 2), ("row-9-15-10", 3), ("grid-3-12-12", 3))
+FENCED, SLOWER = "fenced", ("1.2", "1.5")  # what happens: times as long as planned
+MOMENTS, ALL_MOMENTS = (0.2, 0.5), (0.2, 0.5, 0.8)  # shares of the planned time
+VICTIM = 0  # the head it happens to
+ROUNDS = 4  # of each head for the plan that is carried out
+LONG = 4  # times as long: a search for the best that can be found
+RETIMED, BEST = "retimed", "best"
+WAYS = {
+    RETIMED: "retimed", "greedy": "greedy", "central": "central", "decentral": "decentral",
+    "resumed": "decentral, from the old order", "long": f"the same, {LONG} times as long",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """A print that is carried out no further by its plan."""
+
+    document: PlanDocument
+    old: StatedOrder  # of the plan
+    state: PrintState
+    rest: Rest
+    at_s: float  # when the last head has ended what it was at
+    going_on_s: float  # print time by the old plan; 0: a head is fenced
+
+
+def _runs(asked: Asked) -> Iterator[Key]:
+    made = FULL if asked.full else MADE
+    own = [(name, heads) for name in names_of(asked.prints, ()) for heads in (2, 3)]
+    for name, heads in own or made:
+        for event in (FENCED, *SLOWER)[heads < 3 :]:  # one head alone needs no team
+            for moment in ALL_MOMENTS if asked.full else MOMENTS:
+                yield {"print": name, "heads": heads, "event": event, "moment": moment}
+
+
+def _run(key: Key) -> Row:
+    compile_rounds()
+    stopped = _stopped(key)
+    what = given_by(rest_problem(stopped.rest, Rules()))
+    found, spent = dict[str, float](), dict[str, float]()
+    for name, plan in _ways(what, stopped, key).items():
+        began = time.process_time()
+        toolpaths = plan()
+        spent[f"{name}_cpu_s"] = round(time.process_time() - began, 2)
+        makespan_s = exact(what, toolpaths).plan.makespan_s
+        found[f"{name}_s"] = round(stopped.at_s + makespan_s, 2)
+    return {
+        "contours": len(stopped.document.contours),
+        "planned_s": round(stopped.document.plan.makespan_s, 2),
+        "stopped_s": round(stopped.at_s, 2),
+        "left": len(what.problem.job.contours),
+        "left_out": int(stopped.rest.left.rows.sum()),
+        "going_on_s": round(stopped.going_on_s, 2),
+        "bound_s": round(stopped.at_s + bound_s(what), 2),
+        "best_s": min(found.values()),
+        **found, **spent,
+    }  # fmt: skip
+
+
+def _ways(what: Given, stopped: Stopped, key: Key) -> dict[str, Callable[[], tuple[Toolpath, ...]]]:
+    """Return what plans the rest, by name, after each has run once: kernels are loaded then."""
+    seed, budget = int(key["seed"]), Budget(stopping_of(key))
+    policies, once = Budget(Stopping(iterations=TUNED)), Budget(Stopping(iterations=1))
+    long = stopping_of({**key, **{n: LONG * key[n] for n in ("seconds", "iterations")}})
+    team = what.team
+    old = _old(stopped, team)
+    start, _ = retimed(team, old)
+    resumed = build_team_problem(team.job, team.machine, team.graph, what.lags, start)
+    for problem in (team, resumed):
+        in_one_process(problem, once, seed=0)
+    return {
+        RETIMED: lambda: retimed(team, old)[1].toolpaths,
+        "greedy": lambda: greedy_dispatch.plan(team, policies, seed=seed).toolpaths,
+        "central": lambda: one_tree.plan(team, budget, seed=seed).toolpaths,
+        "decentral": lambda: in_one_process(team, budget, seed=seed).toolpaths,
+        "resumed": lambda: in_one_process(resumed, budget, seed=seed).toolpaths,
+        "long": lambda: in_one_process(resumed, Budget(long), seed=seed).toolpaths,
+    }
+
+
+@lru_cache(maxsize=32)
+def _begun(
+    name: str, folder: str, heads: int, seed: int
+) -> tuple[Given, PlanDocument, StatedOrder]:
+    """Return a print, the plan it is begun by, and that plan's order; runs of a process share it.
+
+    It depends on rounds, not on time, so that it is the same in every process.
+    """
+    key = {"print": name, "folder": folder}
+    machine, middle = machine_for(key, heads, BED_MM)
+    what = given(key, machine, Cut.NONE, middle=middle)
+    found = in_one_process(what.team, Budget(Stopping(iterations=ROUNDS)), seed=seed)
+    return what, exact(what, found.toolpaths), StatedOrder.of(found.toolpaths)
+
+
+def _stopped(key: Key) -> Stopped:
+    """Carry a plan out up to the moment, and return what is left of it."""
+    folder = key["folder"] if is_own(key) else ""
+    what, document, old = _begun(key["print"], folder, int(key["heads"]), int(key["seed"]))
+    programs, now = programs_of_plan(document), float(key["moment"]) * document.plan.makespan_s
+    victim, is_fenced = document.machine.heads[VICTIM], key["event"] == FENCED
+    slower = 1.0 if is_fenced else float(key["event"])
+    run = with_late_head(document, programs, VICTIM, slower)
+    heads, at_s = ended_by(document, programs, run, now, {VICTIM} if is_fenced else ())
+    if is_fenced:
+        log = log_until(simulate(programs, document.machine), document, VICTIM, now)
+        heads[VICTIM] = state_of_events(document, log).heads[VICTIM]
+    state = state_of_heads(document, heads)
+    source = replace(what.problem.source, machine=what.problem.machine)
+    rest = rest_of(
+        document, source, state, {victim.name: victim.park} if is_fenced else {},
+        LeftBeads.FINISH, slower={victim.name: slower},
+    )  # fmt: skip
+    end_s = max(head.end_s for head in run.heads)
+    return Stopped(document, old, state, rest, at_s, 0.0 if is_fenced else end_s)
+
+
+def _old(stopped: Stopped, team: TeamProblem) -> Old:
+    """Return the old order for those that print the rest."""
+    rest, names = stopped.rest, list(team.head_names)
+    is_open = ~stopped.state.done
+    is_open[[one.contour for one in rest.broken if one.rest]] = True
+    heads = [head.name for head in stopped.document.machine.heads]
+    number = [names.index(name) if name in names else -1 for name in heads]
+    return Old(stopped.old, np.flatnonzero(is_open & ~rest.left.rows), np.array(number))
+
+
+def _lines(rows: Sequence[Line]) -> list[Line]:
+    """Return the rows of each way, with its print time over the best, over retimed and going on."""
+    return [
+        {**row, "way": said, "over_best": _over(row, name, "best_s"),
+         "over_retimed": _over(row, name, f"{RETIMED}_s"),
+         "over_bound": _over(row, name, "bound_s"),
+         "over_going_on": _over(row, name, "going_on_s"), "cpu": row[f"{name}_cpu_s"]}
+        for row in rows if not row["error"] for name, said in WAYS.items()
+    ]  # fmt: skip
+
+
+def _over(row: Line, name: str, base: str) -> str:
+    """Return a print time over another, empty where there is none."""
+    least = float(row[base])
+    return str(float(row[f"{name}_s"]) / least) if least else ""
+
+
+def _tables(rows: Sequence[Line]) -> str:
+    lines = [
+        [heads, event, way, str(len(mine)), spread(column(mine, "over_best"), 3),
+         spread(column(mine, "over_retimed"), 3),
+         str(sum(value < 0.995 for value in column(mine, "over_retimed"))),
+         "" if event == FENCED else spread(column(mine, "over_going_on"), 3),
+         spread(column(mine, "over_bound"), 3), spread(column(mine, "cpu"), 2)]
+        for (heads, event, way), mine in grouped(_lines(rows), "heads", "event", "way").items()
+    ]  # fmt: skip
+    head = ["heads", "what happens", "planned anew", "runs", "÷ best", "÷ retimed",
+            "0.5 % better than it", "÷ going on", "÷ bound", "planned in s"]  # fmt: skip
+    text = "Print time of the whole print, over the best of all ways and over the old order.\n\n"
+    text += f"{markdown(lines, head)}\nOf each print and moment, ÷ retimed.\n\n"
+    ways = list(WAYS.values())[1:]
+    lines = [
+        [shown(name), heads, event, f"{100.0 * float(moment):g} %", str(len(mine) // len(WAYS)),
+         *(spread(column(of, "over_retimed"), 3) for (way,), of in grouped(mine, "way").items()
+           if way in ways)]
+        for (name, heads, event, moment), mine
+        in grouped(_lines(rows), "print", "heads", "event", "moment").items()
+    ]  # fmt: skip
+    return text + markdown(lines, ["print", "heads", "what happens", "at", "runs", *ways])
+
+
+def _draw(rows: Sequence[Line]) -> Figure:
+    settings = grouped(_lines(rows), "heads", "event")
+    made, axes = figure(max(1, len(settings)), width=3.6, height=4.8)
+    for axis, ((heads, event), mine) in zip(axes, settings.items(), strict=False):
+        ways = grouped(mine, "way")
+        boxes(axis, [column(of, "over_retimed") for of in ways.values()], [way for (way,) in ways])
+        axis.axhline(1.0, color="grey", linewidth=0.8)
+        happens = "one is fenced" if event == FENCED else f"one takes {event} times as long"
+        axis.set(ylabel="print time ÷ retimed", title=f"{heads} heads, {happens}")
+    return made
+
+
+ONLINE = Experiment(
+    "online",
+    "A head fails or is late while it prints: is it worth to search again, and for whom?",
+    ("print", "heads", "event", "moment"), _runs, _run, _tables, _draw,
+    Sizes(1.0, 1.0), Sizes(1, 10), (PRINT, TEAM),
+)  # fmt: skip
