@@ -16,6 +16,7 @@ from decmcts.jit import cache_folder
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import PlanDocument
+from sim.controllers.beads import Material, material_of_files, material_of_plan
 from sim.controllers.cooling import too_soon
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.from_plan import programs_of_plan
@@ -43,6 +44,7 @@ class Simulated:
     plan: PlanDocument | None  # None: files without a plan
 
     cools: bool = False  # whether the plan's rule of cooling was looked at
+    looked_at_print: bool = False  # whether contacts of heads with the print were
 
     @property
     def planned_s(self) -> float | None:
@@ -102,11 +104,27 @@ def simulate(
         report(Step("running with errors of time", done, of))
 
     judged = plan if plan is not None and not files and plan.min_layer_time_s > 0.0 else None
+    material = _material(plan, files, programs, chosen)
     found = run(
         programs, chosen, timing=timing, size=size, trials=trials, seed=seed, queue=queue,
         told=told, too_soon=lambda one: too_soon(judged, programs, one) if judged else (),
+        material=material,
     )  # fmt: skip
-    return Simulated(found, chosen, plan, judged is not None)
+    return Simulated(found, chosen, plan, judged is not None, material is not None)
+
+
+def _material(
+    plan: PlanDocument | None, files: Sequence[Path], programs: Sequence[HeadProgram],
+    machine: Machine,
+) -> Material | None:  # fmt: skip
+    """Return what is printed; None: heads have no shape that could meet it."""
+    if not any(head.slices or head.bodies for head in machine.heads):
+        return None
+    if plan is not None and not files:
+        return material_of_plan(plan, programs)
+    texts = {each: load_text(each) for each in files}
+    placed = sorted(files, key=lambda file: header_of(texts[file])[1])
+    return material_of_files(programs, [texts[file] for file in placed])
 
 
 def _refuse(size: float, trials: int, queue: int) -> None:
@@ -137,7 +155,7 @@ def _machine_of(
         return load_machine(_USUAL)  # and then its other files are missed
     try:
         return machine_of_text(text, files[0])[0]
-    except InputError:  # one head alone touches no other: its shape does not matter here
+    except InputError:  # one head alone touches no other; its shape is not known
         report(Note(NO_PRINTER))
         return Machine("a printer with usual limits", (0.0, 0.0), (0.0, 0.0), (Head("head", ()),))
 

@@ -20,6 +20,7 @@ from decmcts.print.machine import Head, Machine
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.compiled import compiled
 from sim.controllers.motion import Profile
+from sim.controllers.polygons import polygon_gap
 from sim.controllers.program import Floats, HeadProgram, Ints
 from sim.controllers.timing import Error
 
@@ -302,7 +303,10 @@ def gap_between(a: Shape, b: Shape, p: Floats, q: Floats) -> float:
             if high * high + flat * flat >= least * least:
                 continue  # not even their boxes are so near
             if not (a.upright[k] and b.upright[n]):
-                flat = _polygons(a, k, b, n, dx, dy)
+                flat = polygon_gap(
+                    a.corners, a.offsets[k], a.offsets[k + 1],
+                    b.corners, b.offsets[n], b.offsets[n + 1], dx, dy,
+                )  # fmt: skip
             least = min(least, np.sqrt(high * high + flat * flat))
     return least
 
@@ -316,55 +320,6 @@ def _boxes(a: Shape, k: int, b: Shape, n: int, dx: float, dy: float) -> float:
                     a.sides[k, 0, axis] - b.sides[n, 1, axis] - moved)  # fmt: skip
         square += max(apart, 0.0) ** 2
     return float(np.sqrt(square))
-
-
-@compiled
-def _polygons(a: Shape, k: int, b: Shape, n: int, dx: float, dy: float) -> float:
-    """Return the distance of two convex polygons, the second moved by (dx, dy); 0: they overlap."""
-    first, last, least = a.offsets[k], a.offsets[k + 1], np.inf
-    begin, end = b.offsets[n], b.offsets[n + 1]
-    if not (
-        _parted(a.corners, first, last, b.corners, begin, end, dx, dy)
-        or _parted(b.corners, begin, end, a.corners, first, last, -dx, -dy)
-    ):
-        return 0.0
-    for i in range(first, last):
-        for j in range(begin, end):
-            x, y = a.corners[i, 0] - dx, a.corners[i, 1] - dy
-            least = min(least, _to_edge(b.corners, begin, end, j, x, y))
-            x, y = b.corners[j, 0] + dx, b.corners[j, 1] + dy
-            least = min(least, _to_edge(a.corners, first, last, i, x, y))
-    return least
-
-
-@compiled
-def _parted(
-    a: Floats, first: int, last: int, b: Floats, begin: int, end: int, dx: float, dy: float
-) -> bool:
-    """Tell whether an edge of the first convex polygon has all of the second outside it."""
-    for i in range(first, last):
-        j = i + 1 if i + 1 < last else first
-        ex, ey = a[j, 0] - a[i, 0], a[j, 1] - a[i, 1]
-        outside = True
-        for k in range(begin, end):
-            if ex * (b[k, 1] + dy - a[i, 1]) - ey * (b[k, 0] + dx - a[i, 0]) >= 0.0:
-                outside = False
-                break
-        if outside:
-            return True
-    return False
-
-
-@compiled
-def _to_edge(c: Floats, begin: int, end: int, j: int, x: float, y: float) -> float:
-    """Return the distance of a point to the edge that begins at corner j."""
-    n = j + 1 if j + 1 < end else begin
-    ex, ey = c[n, 0] - c[j, 0], c[n, 1] - c[j, 1]
-    length = ex * ex + ey * ey
-    share = 0.0
-    if length > 0.0:
-        share = min(1.0, max(0.0, ((x - c[j, 0]) * ex + (y - c[j, 1]) * ey) / length))
-    return float(np.hypot(x - c[j, 0] - share * ex, y - c[j, 1] - share * ey))
 
 
 @compiled

@@ -12,9 +12,11 @@ import numpy as np
 
 from decmcts.print.machine import Head, Machine
 from sim.controllers.adversary import adversaries
+from sim.controllers.beads import Material
 from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Contact, Near, course_of, nearness, positions
+from sim.controllers.print_contacts import PrintContact, print_contacts
 from sim.controllers.program import Floats, HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
 from sim.rules.cooling import TooSoon
@@ -54,6 +56,7 @@ class Trial:
     near: tuple[Near, ...]
     stuck: tuple[tuple[int, int], ...] = ()  # head and stop
     too_soon: tuple[TooSoon, ...] = ()  # what is printed over before it is cool
+    on_print: tuple[PrintContact, ...] = ()  # of heads with what is printed by then
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
@@ -93,9 +96,15 @@ class Simulation:
         return sum(len(trial.contacts) for trial in self.trials)
 
     @property
+    def print_contacts(self) -> int:
+        """How often heads touched the print, in all trials."""
+        return sum(len(trial.on_print) for trial in self.trials)
+
+    @property
     def safe(self) -> bool:
-        """Whether no heads touched, and none waits for ever."""
-        return not self.contacts and not any(trial.stuck for trial in self.trials)
+        """Whether heads touched neither each other nor the print, and none waits for ever."""
+        touched = self.contacts or self.print_contacts
+        return not touched and not any(trial.stuck for trial in self.trials)
 
 
 def simulate(
@@ -103,6 +112,7 @@ def simulate(
     size: float = 0.2, trials: int = 1, seed: int = 0, queue: int = QUEUE,
     told: Callable[[int, int], None] = lambda _done, _of: None,
     too_soon: Callable[[Run], tuple[TooSoon, ...]] = lambda _run: (),
+    material: Material | None = None,
 ) -> Simulation:  # fmt: skip
     """Run programs of all heads of a machine together.
 
@@ -118,6 +128,9 @@ def simulate(
         Called with how many trials are done, and of how many; 0: not known.
     too_soon : callable
         Returns what a run prints over before it is cool.
+    material : Material | None
+        What the programs print; None: contacts with it are not looked for. One head alone has
+        the same in all trials, so they are those of the first.
 
     References
     ----------
@@ -131,7 +144,10 @@ def simulate(
 
     def trial(name: str, errors: Sequence[Error], run: Run) -> Trial:
         found = _trial(name, programs, profiles, errors, run, machine, heads)
-        return replace(found, too_soon=too_soon(run))
+        touched: tuple[PrintContact, ...] = ()
+        if material is not None and (len(programs) > 1 or run is nominal):
+            touched = _on_print(programs, run, machine, heads, material)
+        return replace(found, too_soon=too_soon(run), on_print=touched)
 
     errors = [no_error(program) for program in programs]
     nominal = carry_out(programs, seconds, errors, rest_s)
@@ -189,6 +205,17 @@ def _trial(
     begin = _begin(programs, run)
     until = end if np.isfinite(end) else _last_move(run)
     return Trial(name, end - begin, nearness(machine, heads, courses, begin, until), run.stuck)
+
+
+def _on_print(
+    programs: Sequence[HeadProgram], run: Run, machine: Machine, heads: Sequence[Head],
+    material: Material,
+) -> tuple[PrintContact, ...]:  # fmt: skip
+    end = _end(programs, run)
+    return print_contacts(
+        programs, run.heads, heads, material, clearance_mm=machine.clearance_mm,
+        begin_s=_begin(programs, run), end_s=end if np.isfinite(end) else _last_move(run),
+    )  # fmt: skip
 
 
 def _last_move(run: Run) -> float:

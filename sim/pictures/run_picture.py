@@ -33,11 +33,20 @@ def draw_run(path: Path | str, simulation: Simulation) -> None:
         )[:, 0]  # fmt: skip
         for h in range(len(names)):
             _draw_head(axes[0], simulation, h, end / 60.0)
+        for touch in simulation.trials[0].on_print:
+            at = (touch.time_s - simulation.begin_s) / 60.0
+            axes[0].plot(
+                at, touch.head, "x", color="black", markersize=5, label="touches the print"
+            )
         axes[0].set_yticks(range(len(names)), names)
         axes[0].set_ylim(len(names) - 0.5, -0.5)
         axes[0].set_title(f"{end / 60.0:,.1f} min", loc="left")
-        handles = [Patch(color=TRAVELS, label="travels"), Patch(color=WAITS, label="waits")]
-        axes[0].legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2,
+        handles: list[Any] = [
+            Patch(color=TRAVELS, label="travels"), Patch(color=WAITS, label="waits")
+        ]  # fmt: skip
+        if simulation.trials[0].on_print:
+            handles.append(axes[0].lines[0])
+        axes[0].legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3,
                        frameon=False)  # fmt: skip
         if several:
             _draw_gaps(axes[1], simulation, names, end / 60.0)

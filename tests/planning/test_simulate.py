@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 from agents.messages.event_stream import read_events, stream_of
 from decmcts.errors import InputError
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import problem_of
@@ -20,6 +23,10 @@ from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.print_events import EventKind
 from sim.controllers.events import events_of
 from sim.controllers.timing import Timing
+from sim.faults import FaultKind
+from sim.verify import verify_plan
+from tests.mutants.actions import travel_at, upper_layer_first
+from tests.mutants.catalogue import NotHereError
 from tests.mutants.waits import one_wait_dropped, waits_dropped
 from tests.planning.conftest import Agents
 from tests.prints import slab
@@ -105,6 +112,36 @@ def test_a_plan_without_its_waits_is_seen_to_collide(made, tmp_path, spoil):
     assert seen == 5 if spoil is waits_dropped else seen >= 1
 
 
+def goes_into_the_print(made, folder: Path, spoil) -> list[Path]:
+    """Return spoilt plans; a seed with which none can be made or read is left out."""
+    found = []
+    for seed in range(20):
+        plan = json.loads(made[0].read_text())
+        path = folder / f"spoilt_{seed}.json"
+        with contextlib.suppress(NotHereError, InputError):
+            spoil(plan, np.random.default_rng(seed))
+            path.write_text(json.dumps(plan))
+            read_plan(path)
+            found.append(path)
+    return found[:4]
+
+
+@pytest.mark.parametrize("spoil", [upper_layer_first, travel_at(0.05)])
+def test_a_plan_that_goes_into_the_print_is_seen_to(made, tmp_path, spoil):
+    """Whatever the judge finds of these by logic of its own; none is seen in the sound plan."""
+    assert simulate([made[0]]).simulation.print_contacts == 0
+    unsafe = seen = 0
+    for spoilt in goes_into_the_print(made, tmp_path, spoil):
+        judged = {fault.kind for fault in verify_plan(read_plan(spoilt)).faults}
+        found = simulate([spoilt])
+        unsafe += FaultKind.HEAD_MATERIAL in judged
+        seen += found.simulation.print_contacts > 0
+        for one in found.simulation.trials[0].on_print:
+            top = found.plan.contours.top[one.bead]
+            assert one.spot[2] <= top + 1e-9 and one.depth_mm > 0.0
+    assert seen == unsafe > 0
+
+
 def test_a_head_without_work_stands_at_its_park(made, tmp_path):
     """Not where machines begin to count."""
     plan = json.loads(made[0].read_text())
@@ -174,6 +211,13 @@ def test_a_file_of_no_known_printer_is_run(made, tmp_path):
     found = simulate([slab(tmp_path / "slab.gcode")], report=said.append)
     assert found.simulation.makespan_s > 100.0
     assert any("no printer is known" in getattr(event, "text", "") for event in said)
+    assert not found.looked_at_print and simulate([found_path(tmp_path)], "mk4s").looked_at_print
+
+
+def found_path(folder: Path) -> Path:
+    """Return the one file of a folder."""
+    (path,) = folder.iterdir()
+    return path
 
 
 @pytest.mark.parametrize("options", [{"size": 1.0}, {"trials": 0}, {"queue": 0}])
@@ -190,7 +234,8 @@ def test_the_command_shows_and_keeps_what_happened(made, tmp_path, capsys):
     options = ["--events", str(kept[0]), "--csv", str(kept[1]), "--picture", str(kept[2])]
     assert run(["simulate", str(plan), *map(str, files), *options]) == 0
     said = capsys.readouterr().out
-    assert "0 contacts" in said and "than planned" in said
+    assert "0 contacts of heads" in said and "0 contacts with the print" in said
+    assert "than planned" in said
     assert read_events(kept[0]).heads == ("left", "right")
     rows = np.loadtxt(kept[1], delimiter=",", skiprows=1)
     assert np.diff(rows[:, 0]).min() == pytest.approx(1.0)
@@ -200,3 +245,17 @@ def test_the_command_shows_and_keeps_what_happened(made, tmp_path, capsys):
     assert figures["schema"] == "decmcts-simulation/1" and figures["safe"] is True
     assert run(["simulate", str(tmp_path / "none.gcode")]) == 2
     assert run(["simulate", str(plan), "--csv", "-"]) == 2
+
+
+def test_the_command_says_where_a_head_goes_into_the_print(made, tmp_path, capsys):
+    from decmcts.cli.run import run
+
+    spoilt, picture = goes_into_the_print(made, tmp_path, upper_layer_first)[0], tmp_path / "r.png"
+    assert run(["simulate", str(spoilt), "--picture", str(picture)]) == 1
+    said = capsys.readouterr()
+    assert "a head touches the print" in said.err
+    assert re.search(r"0:\d\d:\d\d: \w+ (prints contour \d+|travels), its slice", said.out)
+    assert run(["simulate", str(spoilt), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    first = found["trials"][0]["print_contacts"][0]
+    assert first["bead"] >= 0 and first["depth_mm"] > 0.0 and found["safe"] is False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +30,7 @@ from decmcts.planning.writing.places import (
 from decmcts.print.figures import clock_time
 from sim.controllers.events import events_of
 from sim.controllers.motion import QUEUE
+from sim.controllers.print_contacts import PrintContact
 from sim.controllers.simulate import Simulation, Trial
 from sim.controllers.timing import Timing
 
@@ -96,6 +98,7 @@ RunPictureOption = Annotated[
     ),
 ]  # fmt: skip
 MOST_ROWS = 2_000_000
+SHOWN = 5  # contacts with the print that are shown in words
 
 
 @app.command()
@@ -114,7 +117,7 @@ def simulate(
     report: opt.ReportOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
-    """Run files as their controllers would; exit code 1 if heads touch or wait for ever."""
+    """Run files as their controllers would; exit code 1 if heads touch, or wait for ever."""
     refuse_unwritable([events, csv, picture, report], *inputs)
     refuse_other_suffixes(None, report, picture)
     for path, option in ((events, "--events"), (csv, "--csv"), (picture, "--picture")):
@@ -144,8 +147,11 @@ def simulate(
             from sim.pictures.report import write_run_report  # likewise
 
             told(Step("writing the report"))
-            log, touched = events_of(found.simulation), len(found.simulation.trials[0].contacts)
-            write_run_report(report, found.plan, log, file=inputs[0].name, contacts=touched)
+            log, first = events_of(found.simulation), found.simulation.trials[0]
+            write_run_report(
+                report, found.plan, log, file=inputs[0].name, contacts=len(first.contacts),
+                on_print=touching_print(found, [first]),
+            )  # fmt: skip
     if as_json:
         print_json("decmcts-simulation/1", figures(found))
     else:
@@ -219,6 +225,13 @@ def _of_trial(trial: Trial, names: list[str], zero: float) -> dict[str, Any]:
              "seconds": c.seconds, "gap_mm": c.gap_mm, "at": c.at, "what": c.what}
             for c in trial.contacts
         ],
+        "print_contacts": [
+            {"head": names[c.head], "time_s": c.time_s - zero, "seconds": c.seconds,
+             "depth_mm": c.depth_mm, "part": c.part, "at": c.at, "spot": c.spot,
+             "contour": c.contour, "line": c.line, "by": names[c.by] if c.by >= 0 else None,
+             "bead": c.bead, "bead_line": c.bead_line}
+            for c in trial.on_print
+        ],
     }  # fmt: skip
 
 
@@ -278,12 +291,47 @@ def nearest_lines(found: Simulated) -> list[str]:
     touch = simulation.contacts
     if len(names) > 1:
         lines.append(f"{touch} contact{'s' * (touch != 1)} of heads")
+    lines += print_contact_lines(found)
     stuck = {names[h] for trial in simulation.trials for h, _ in trial.stuck}
     if stuck:
         lines.append(f"waits for ever: {', '.join(sorted(stuck))}")
     if touch:
         err.print("heads touch: these files must not be run together", soft_wrap=True)
+    if simulation.print_contacts:
+        err.print("a head touches the print: this must not be run", soft_wrap=True)
     return lines
+
+
+def print_contact_lines(found: Simulated) -> list[str]:
+    """Return how often heads touched the print, and of the first times when, where and what."""
+    if not found.looked_at_print:
+        return ["contacts with the print are not looked for: no shape of the head is known"]
+    touch = found.simulation.print_contacts
+    lines = touching_print(found, found.simulation.trials)
+    return [f"{touch} contact{'s' * (touch != 1)} with the print", *(f"  {x}" for x in lines)]
+
+
+def touching_print(found: Simulated, trials: Sequence[Trial]) -> list[str]:
+    """Return the first contacts of heads with the print in words, and how many more there are."""
+    every = [one for trial in trials for one in trial.on_print]
+    lines = [print_contact_line(found, one) for one in every[:SHOWN]]
+    return [*lines, f"and {len(every) - SHOWN} more"] if len(every) > SHOWN else lines
+
+
+def print_contact_line(found: Simulated, one: PrintContact) -> str:
+    """Return one contact in words."""
+    names = [head.name for head in found.simulation.heads]
+    at, zero = ", ".join(f"{value:.2f}" for value in one.at), found.simulation.begin_s
+    does = f"prints contour {one.contour}" if one.contour >= 0 else "travels"
+    does = f"is at line {one.line}" if one.line else does
+    met = f"contour {one.bead}" if one.bead >= 0 else "what stood there before"
+    met = f"the bead of line {one.bead_line}" if one.bead_line else met
+    if one.by >= 0 and len(names) > 1:
+        met += f" of {names[one.by]}"
+    return (
+        f"{clock_time(one.time_s - zero)}: {names[one.head]} {does}, its {one.part} goes "
+        f"{one.depth_mm:.2f} mm into {met}, nozzle at ({at})"
+    )
 
 
 def cooling_line(simulation: Simulation) -> str:

@@ -43,6 +43,7 @@ class CarriedOut:
     failed: Sequence[tuple[str, float, str]] = ()  # head, seconds and why
     contacts: int = 0  # of heads
     in_the_end: int | None = None  # beads printed with what was planned anew; None: nothing was
+    on_print: Sequence[str] = ()  # contacts of heads with the print, in words
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from decmcts.print.happened import happened
@@ -13,7 +14,7 @@ from sim.pictures.report.page import write_report
 
 def write_run_report(
     path: Path | str, document: PlanDocument, log: EventLog, *, file: str = "", contacts: int = 0,
-    in_the_end: int | None = None,
+    in_the_end: int | None = None, on_print: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Write the page.
 
@@ -25,6 +26,7 @@ def write_run_report(
     file : name of the source
     contacts : how often heads touched
     in_the_end : beads that were printed in all, where the rest was planned anew
+    on_print : contacts of heads with the print, in words
     """
     after = happened(document, log)
     printed = sum(int((head.kind == ActionKind.PRINT).sum()) for head in after.plan.heads)
@@ -33,5 +35,5 @@ def write_run_report(
         for event in log.events
         if event.kind is EventKind.FAILED
     ]
-    run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end)
+    run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end, on_print)
     write_report(path, before=document, after=after, told=Told(file=file, run=run))

@@ -25,10 +25,11 @@
   const ABOUT = [["checked", "How much"], ["rule", "By these rules"], ["asked", "As it was asked for"]];
 
   /** How a run ended: what was printed of the plan, and who failed. */
-  function ended({ beads, printed, failed, contacts, in_the_end: all }) {
-    const whole = (all ?? printed) === beads, good = whole && !contacts;
-    const word = contacts ? "Heads touched" : !whole ? "Broken off" : all === null ? "Carried out" : "Carried out, planned anew";
+  function ended({ beads, printed, failed, contacts, on_print: met = [], in_the_end: all }) {
+    const whole = (all ?? printed) === beads, good = whole && !contacts && !met.length;
+    const word = contacts ? "Heads touched" : met.length ? "A head touched the print" : !whole ? "Broken off" : all === null ? "Carried out" : "Carried out, planned anew";
     const lines = failed.map(({ head, time_s, why }) => `${head} failed at ${D.format.clock(time_s)}${why && `: ${why}`}`);
+    lines.unshift(...met);
     if (contacts) lines.unshift(D.format.count(contacts, "contact"));
     const done = [`${D.format.number(all ?? printed)} of ${D.format.count(beads, "bead")} printed`];
     if (all !== null) done.push(`${D.format.number(printed)} of them by the first plan, which this page shows`);

@@ -56,3 +56,14 @@ def test_what_was_planned_anew_is_told(browser: Browser, tmp_path: Path) -> None
         facts = page.locator("#facts").inner_text()
         assert "Carried out, planned anew" in facts and f"{beads} of {beads} beads" in facts
         assert "of them by the first plan" in facts and "this plan ended after" in facts
+
+
+def test_contacts_with_the_print_are_said(browser: Browser, tmp_path: Path) -> None:
+    """All is printed, and yet it must not be run."""
+    document: PlanDocument = stacked_plan((0, 1, -1, 0.0))
+    log = log_until(document, document.plan.makespan_s)
+    path, words = tmp_path / "run.html", "0:01:02: left travels, its slice goes into contour 3"
+    write_run_report(path, document, log, on_print=[words])
+    with opened(browser, path) as page:
+        facts = page.locator("#facts").inner_text()
+        assert "A head touched the print" in facts and words in facts
