@@ -28,6 +28,7 @@ from decmcts.planning.compiling.workers import made
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.options import at_least_zero
 from decmcts.planning.writing.places import refuse_place
+from decmcts.print.brief import brief
 from decmcts.version import __version__
 
 SHARED = ("seconds", "iterations", "seed", "version")  # of every key
@@ -41,6 +42,8 @@ class Experimented:
     rows: tuple[dict[str, str], ...]  # as in the CSV file, of the runs that were asked for
     page: str  # its tables, as Markdown
     paths: tuple[Path, ...]  # CSV file, page, figure
+
+    __repr__ = brief("name", "rows", "failed", "paths")
 
     @property
     def failed(self) -> int:

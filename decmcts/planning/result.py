@@ -17,6 +17,7 @@ from decmcts.planning.writing.file_times import FileTimes
 from decmcts.planning.writing.heads import stem_of, write_heads
 from decmcts.planning.writing.lines import source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
+from decmcts.print.brief import brief
 from decmcts.print.plan import PlanDocument
 from sim.faults import Verdict
 
@@ -28,6 +29,8 @@ class Figures:
     travel_mm: float  # extrusionless, from the end of each contour to the next one's start
     emitted_travel_mm: float  # as moved, lifts and detours included
     print_time_s: float  # the plan's makespan; of a written file from its first bead to its last
+
+    __repr__ = brief("travel_mm", "emitted_travel_mm", "print_time_s")
 
     @staticmethod
     def of(document: PlanDocument) -> Figures:
@@ -64,6 +67,10 @@ class Result:
 
     planned: Planned
     search: Search | TeamSearch
+
+    __repr__ = brief(
+        "source.name", "source.machine.name", "before", "after", "bound", "bound_s", "verdict.ok"
+    )
 
     @property
     def source(self) -> Source:
@@ -224,3 +231,5 @@ class Written:
     result: Result  # of the plan in the file, which may be that of another search, or the source's
     paths: tuple[Path, ...]
     times: FileTimes | None = None  # of whole files; None for several heads
+
+    __repr__ = brief("paths", "times")

@@ -14,6 +14,7 @@ from decmcts.formats.machines.own_machine import machine_of_text
 from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.jit import cache_folder
 from decmcts.planning.events import Note, Report, Step, unheard
+from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import PlanDocument
 from sim.controllers.cooling import too_soon
@@ -43,6 +44,8 @@ class Simulated:
     plan: PlanDocument | None  # None: files without a plan
 
     cools: bool = False  # whether the plan's rule of cooling was looked at
+
+    __repr__ = brief("machine.name", "planned_s", "simulation")
 
     @property
     def planned_s(self) -> float | None:

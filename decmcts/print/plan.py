@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, Machine
 from decmcts.print.metrics import Metrics
@@ -63,6 +64,8 @@ class HeadActions:
     after_point: NDArray[np.int32]  # (m,) the vertex of it that must be passed, or ACTION_END
     after_lag_s: NDArray[np.float64]  # (m,) and seconds that must pass after that
 
+    __repr__ = brief("head", "kind", "end_s")
+
     def __len__(self) -> int:
         return len(self.kind)
 
@@ -94,6 +97,8 @@ class JointPlan:
     """What every head does, in an order that is safe for every timing."""
 
     heads: tuple[HeadActions, ...]
+
+    __repr__ = brief("makespan_s", "heads")
 
     @property
     def makespan_s(self) -> float:
@@ -130,3 +135,5 @@ class PlanDocument:
     # own; None: it does not say
     printed: Contours | None = None  # what stands on the bed before the plan begins
     fenced: Fenced | None = None  # heads that stand in the way and print no more
+
+    __repr__ = brief("problem", "machine.name", "contours", "plan", "rules")

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
 from sim.controllers.adversary import adversaries
 from sim.controllers.carry_out import Run, carry_out
@@ -72,6 +73,8 @@ class Simulation:
     heads: tuple[HeadFigures, ...]
     waits: tuple[Wait, ...]
     trials: tuple[Trial, ...]  # the first without errors
+
+    __repr__ = brief("makespan_s", "safe", "contacts", "heads")
 
     @property
     def makespan_s(self) -> float:

@@ -25,6 +25,7 @@ from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.fields import Fields, fail, numbers, points, shown
 from decmcts.formats.files.reading import once, read_bytes
+from decmcts.print.brief import brief
 
 QCSP_SUFFIXES = (".qcsp", ".qcsp.gz")
 COLLECTION_SUFFIXES = (".json", ".json.gz")
@@ -52,6 +53,8 @@ class QcspProblem:
     spacing: int  # bays from one crane to the next at least, s + 1
     precedence: NDArray[np.int32]  # (m, 2) rows (i, j): i ends before j begins
 
+    __repr__ = brief("name", "duration", "cranes", "travel", "spacing", "precedence")
+
     def __len__(self) -> int:
         return len(self.duration)
 
@@ -69,6 +72,8 @@ class QcspSchedule:
     begin: NDArray[np.float64]  # (n,)
     paths: tuple[NDArray[np.float64], ...]  # by crane: (k, 2) rows (time, position), k >= 1
     makespan: float  # end of the last task; 0 without tasks
+
+    __repr__ = brief("makespan", "crane", "begin")
 
 
 def is_qcsp(path: Path) -> bool:

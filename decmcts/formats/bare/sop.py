@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
+from decmcts.print.brief import brief
 
 SOP_SUFFIXES = (".sop", ".sop.gz")
 MOST_NODES = 20_000  # 3.2 GB of costs
@@ -41,6 +42,8 @@ class SopInstance:
     name: str
     costs: NDArray[np.float64]  # (n, n) from row to column; 0 where there is no such step
     precedence: NDArray[np.int32]  # (m, 2) rows (a, b): a somewhere before b
+
+    __repr__ = brief("name", "costs", "precedence")
 
     def __len__(self) -> int:
         return len(self.costs)

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.bare.sop import MOST_COST
+from decmcts.print.brief import brief
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
@@ -46,6 +47,8 @@ class SopResult:
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
     found_by: str  # "start", "beam", "annealing" or "assignments"
     seed: int
+
+    __repr__ = brief("order", "cost", "bound", "iterations", "found_by")
 
     @property
     def optimal(self) -> bool:

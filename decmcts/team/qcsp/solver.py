@@ -35,6 +35,7 @@ from decmcts._kernels.refine.qcsp import (
     find_loads,
 )
 from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
+from decmcts.print.brief import brief
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of
@@ -57,6 +58,8 @@ class QcspResult:
     proposals: int
     history: NDArray[np.float64]  # (k, 3) seconds, proposals, makespan at each improvement
     seed: int
+
+    __repr__ = brief("schedule", "bound", "proposals")
 
     @property
     def optimal(self) -> bool:
