@@ -48,11 +48,13 @@ def test_whatever_a_person_meets_is_shown_in_a_few_lines(result, team, tmp_path:
     """A result of 4000 numbers a contour buries the prompt."""
     written = result.write_gcode(tmp_path / "out.gcode")
     result.write_plan(tmp_path / "plan.json")
-    (tmp_path / "one.qcsp").write_text('{"t":1,"s":1,"p":[4,3],"l":[2,6],"r":[0],"l0":[1],"Phi":[]}')
-    cranes = decmcts.read_qcsp(tmp_path / "one.qcsp")
+    (tmp_path / "one.qcsp").write_text(
+        '{"t":1,"s":1,"p":[4,3],"l":[2,6],"r":[0],"l0":[1],"Phi":[]}'
+    )
+    problem = decmcts.read_qcsp(tmp_path / "one.qcsp")
     things = [
-        written, team, result.source, decmcts.load_machine("dual-gantry"), cranes,
-        decmcts.solve_qcsp(cranes, max_iterations=10),
+        written, team, result.source, decmcts.load_machine("dual-gantry"), problem,
+        decmcts.solve_qcsp(problem, max_iterations=10),
         decmcts.solve_sop(np.ones((50, 50)), np.array([[0, 1]]), time_limit_s=0.1),
         decmcts.simulate([tmp_path / "plan.json"]),
         decmcts.verify(tmp_path / "plan.json"),

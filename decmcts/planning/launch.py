@@ -8,6 +8,7 @@ from functools import partial
 
 from agents.launch import launch as launch_agents
 from agents.launching.crew import Crew
+from decmcts.arguments import checked
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Report, Stop, never, unheard
@@ -18,6 +19,7 @@ from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 
 
+@checked
 def launch(
     source: Source,
     search: TeamSearch = TEAM_SEARCH,

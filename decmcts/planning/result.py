@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from decmcts.arguments import checked
 from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.certificate import Certificate
@@ -113,6 +114,7 @@ class Result:
         """The best so far over time: rows of seconds, ..., cost."""
         return self.planned.history
 
+    @checked
     def write_gcode(
         self,
         path: str | Path,
@@ -158,6 +160,7 @@ class Result:
         )
         return Written(replace(self, planned=planned), (out,), times)
 
+    @checked
     def write_plan(self, path: str | Path) -> None:
         """Write plan.json, or plan.json.gz.
 
@@ -171,6 +174,7 @@ class Result:
         refuse_other_suffixes(out, None, None)
         write_plan(self.document, out)
 
+    @checked
     def write_report(self, path: str | Path) -> None:
         """Write an HTML report with the paths before and after.
 
@@ -196,6 +200,7 @@ class Result:
             told=told,
         )
 
+    @checked
     def write_picture(self, path: str | Path, *, layer: int | None = None) -> None:
         """Write a picture of what changed, for papers and chats: a PNG, or an SVG.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import sim.controllers
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
@@ -53,6 +54,7 @@ class Simulated:
         return None if self.plan is None else self.plan.plan.makespan_s
 
 
+@checked
 def simulate(
     inputs: Sequence[str | Path], machine: str | Machine | None = None, *,
     timing: Timing = Timing.NONE, size: float = 0.2, trials: int = 10, seed: int = 0,
@@ -94,6 +96,8 @@ def simulate(
     files = [path for path in paths if path not in plans]
     if len(plans) > 1:
         raise InputError("one plan can be run, not several", path=plans[1])
+    if not inputs:
+        raise InputError("inputs names no file")
     report(Step("reading"))
     plan = read_plan(plans[0]) if plans else None
     chosen = _machine_of(plan, machine, files, report)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.fields import Fields, fail, numbers, points, shown
@@ -82,6 +83,7 @@ def is_qcsp(path: Path) -> bool:
     return known or _in_collection(path) is not None
 
 
+@checked
 def read_qcsp(path: Path | str) -> QcspProblem:
     """Read `X.qcsp`, or `COLLECTION.json.gz:NAME`, one of many in a mapping of names.
 

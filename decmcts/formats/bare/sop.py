@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
@@ -54,6 +55,7 @@ def is_sop(path: Path) -> bool:
     return path.name.lower().endswith(SOP_SUFFIXES)
 
 
+@checked
 def read_sop(path: Path | str) -> SopInstance:
     """Read `X.sop` or `X.sop.gz`.
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NoReturn
 
+from decmcts.arguments import check_fields, checked
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.mesh import SliceOptions, slice_to_gcode
@@ -49,6 +50,7 @@ class Chosen:
         return EXPERIMENTS if self.program is None else str(self.program)
 
 
+@checked
 def choose_slicer(name: str = AUTO, config: str | None = None) -> Chosen:
     """Return the slicer that `--slicer` means.
 
@@ -171,6 +173,9 @@ class Slicing:
     chosen: Chosen
     options: SliceOptions = PRINTED
     given: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def slice_for(self, mesh: Path, machine: Machine, folder: Path) -> Path:
         """Slice a mesh for a machine and return the G-code file, in a folder."""
