@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import decmcts
+from decmcts.formats.bare.qcsp import QcspSchedule
+from decmcts.team.qcsp.solver import QcspResult
 
 MOST = 800  # characters, eight lines
 
@@ -71,3 +74,38 @@ def test_a_result_says_what_it_is_of_and_its_main_figures(result) -> None:
     shown = repr(result)
     assert "four_nuts" in shown and "mk4s" in shown
     assert f"travel_mm={result.after.travel_mm:.0f}"[:14] in shown
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", ["result", "team"])
+def test_order_assignments_and_schedule_are_those_of_the_plan(which: str, request) -> None:
+    """A program that draws or carries a plan out begins with these."""
+    found = request.getfixturevalue(which)
+    n = len(found.document.contours)
+    assert found.order.shape == found.assignments.shape == (n,)
+    assert found.schedule.shape == (n, 2)
+    begin_s, end_s = found.schedule.T
+    assert (np.diff(begin_s[found.order]) >= 0.0).all()
+    assert (begin_s < end_s).all() and end_s.max() <= found.document.plan.makespan_s
+    for k, head in enumerate(found.document.plan.heads):
+        mine = found.order[found.assignments[found.order] == k]
+        assert mine.tolist() == [c for c in head.contour.tolist() if c >= 0]
+        assert np.array_equal(end_s[mine], head.end_s[head.contour >= 0])
+
+
+@pytest.mark.slow
+def test_a_simulated_print_has_events(result, tmp_path: Path) -> None:
+    """They are of public types, in the order of their times."""
+    result.write_plan(tmp_path / "plan.json")
+    events = decmcts.simulate([tmp_path / "plan.json"]).events
+    assert all(isinstance(event, decmcts.PrintEvent) for event in events)
+    began = [event.action for event in events if event.kind == decmcts.EventKind.BEGAN]
+    assert began == list(range(len(result.document.plan.heads[0])))
+    assert all(a.time_s <= b.time_s for a, b in pairwise(events))
+
+
+def test_cranes_have_an_order_and_assignments() -> None:
+    """As heads have."""
+    schedule = QcspSchedule(np.array([1, 0], np.int32), np.array([3.0, 0.0]), (), 5.0)
+    found = QcspResult(schedule, 5.0, 1, np.zeros((0, 3)), 0)
+    assert found.order.tolist() == [1, 0] and found.assignments.tolist() == [1, 0]

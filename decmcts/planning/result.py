@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from decmcts.arguments import checked
 from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.events import Report, Stop, never, unheard
@@ -82,6 +85,21 @@ class Result:
     def document(self) -> PlanDocument:
         """The plan with all that is needed to check or draw it, as plan.json has it."""
         return self.planned.after
+
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Contours of `document` in the order in which they begin, (n,)."""
+        return self.document.plan.order
+
+    @property
+    def assignments(self) -> NDArray[np.int32]:
+        """Place of the head that prints each contour among the plan's heads, (n,)."""
+        return self.document.plan.assignments
+
+    @property
+    def schedule(self) -> NDArray[np.float64]:
+        """When each contour begins and ends by the plan, (n, 2) s."""
+        return self.document.plan.schedule
 
     @property
     def before(self) -> Figures:

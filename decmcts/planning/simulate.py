@@ -18,7 +18,9 @@ from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import PlanDocument
+from decmcts.print.print_events import PrintEvent
 from sim.controllers.cooling import too_soon
+from sim.controllers.events import events_of
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.motion import QUEUE
@@ -52,6 +54,11 @@ class Simulated:
     def planned_s(self) -> float | None:
         """The plan's makespan; None without a plan."""
         return None if self.plan is None else self.plan.plan.makespan_s
+
+    @property
+    def events(self) -> tuple[PrintEvent, ...]:
+        """What happened without errors of time, in the order of seconds (docs/events.md)."""
+        return events_of(self.simulation).events
 
 
 @checked

@@ -6,9 +6,10 @@ plan safe are stated in ARCHITECTURE.md; `sim` checks them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, Machine
 from decmcts.print.metrics import Metrics
+
+T = TypeVar("T", bound=np.generic)
 
 
 class ActionKind(IntEnum):
@@ -104,6 +107,29 @@ class JointPlan:
     def makespan_s(self) -> float:
         """Nominal end of the last action."""
         return max((float(h.end_s[-1]) for h in self.heads if len(h)), default=0.0)
+
+    @property
+    def assignments(self) -> NDArray[np.int32]:
+        """Place in `heads` of the head that prints each contour, (n,)."""
+        prints = [np.full(len(h), k, np.int32) for k, h in enumerate(self.heads)]
+        return self._by_contour(prints)
+
+    @property
+    def schedule(self) -> NDArray[np.float64]:
+        """When each contour begins and ends, (n, 2) s since the print began."""
+        return self._by_contour([np.stack([h.begin_s, h.end_s], axis=1) for h in self.heads])
+
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Contours in the order in which they begin, (n,)."""
+        return np.argsort(self.schedule[:, 0], kind="stable")
+
+    def _by_contour(self, of_actions: Sequence[NDArray[T]]) -> NDArray[T]:
+        """Return what holds for actions, an array a head, by the contour that is printed."""
+        contour = np.concatenate([head.contour for head in self.heads])
+        prints = np.concatenate([head.kind for head in self.heads]) == ActionKind.PRINT
+        found: NDArray[T] = np.concatenate(of_actions)[prints]
+        return found[np.argsort(contour[prints])]
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,16 @@ class QcspResult:
     history: NDArray[np.float64]  # (k, 3) seconds, proposals, makespan at each improvement
     seed: int
 
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Tasks in the order in which they begin, (n,)."""
+        return np.argsort(self.schedule.begin, kind="stable")
+
+    @property
+    def assignments(self) -> NDArray[np.int32]:
+        """Which crane does each task, (n,)."""
+        return self.schedule.crane
+
     __repr__ = brief("schedule", "bound", "proposals")
 
     @property
