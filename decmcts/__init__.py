@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from decmcts.search.sequence.incumbent import Incumbent
     from decmcts.search.sequence.planner import Planner
     from decmcts.search.sop.solver import SopResult
+    from decmcts.team.baselines.offered import TeamIncumbent
+    from decmcts.team.planner import TeamPlanner
     from decmcts.team.qcsp.solver import QcspResult
     from sim.faults import Fault, FaultKind, Verdict
 
@@ -97,6 +99,8 @@ _ROOMS = {
     "decmcts.search.sequence.planner": ("Planner",),
     "decmcts.search.sequence.incumbent": ("Incumbent",),
     "decmcts.search.sop.solver": ("SopResult",),
+    "decmcts.team.baselines.offered": ("TeamIncumbent",),
+    "decmcts.team.planner": ("TeamPlanner",),
     "decmcts.team.qcsp.solver": ("QcspResult",),
     "sim.faults": ("Fault", "FaultKind", "Verdict"),
 }  # fmt: skip
@@ -107,10 +111,10 @@ __all__ = [
     "FaultKind", "Figures", "Freedom", "Heads", "Held", "Incumbent", "InputError", "Limits",
     "Machine", "Note", "Objective", "Planner", "PlannerName", "PrintEvent", "ProcessOrder",
     "Progress", "QcspResult", "Report", "Result", "Rules", "Seam", "Search", "Simulated",
-    "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "Stop", "TeamSearch",
-    "Verdict", "VerificationError", "Written", "__version__", "bound", "choose_slicer",
-    "experiment", "launch", "load_machine", "plan", "preset_names", "read", "read_qcsp", "read_sop",
-    "sample_path", "simulate", "solve_qcsp", "solve_sop", "verify",
+    "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "Stop", "TeamIncumbent",
+    "TeamPlanner", "TeamSearch", "Verdict", "VerificationError", "Written", "__version__", "bound",
+    "choose_slicer", "experiment", "launch", "load_machine", "plan", "preset_names", "read",
+    "read_qcsp", "read_sop", "sample_path", "simulate", "solve_qcsp", "solve_sop", "verify",
 ]  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.source import Source
 from decmcts.planning.result import Result
+from decmcts.planning.team.own_planner import planned_by
 from decmcts.planning.team.pipeline import plan_team
 
 
@@ -75,12 +76,15 @@ def launch(
     >>> [head.head for head in result.document.plan.heads]
     ['left', 'right']
     """
-    waiting = crew_started(len(source.machine.heads)) if crew is None else nullcontext(crew)
+    own = search.planner is not None
+    waiting = nullcontext(crew) if own or crew else crew_started(len(source.machine.heads))
     with (
         compilation_told(report) as told, compiling_beside([TEAM], told), waiting as ready
     ):  # fmt: skip
         problem = team_problem(source, rules, told)
         agents = partial(launch_agents, crew=ready)
+        if search.planner is not None:
+            agents = partial(planned_by, search.planner)
         planned = plan_team(
             problem, search, writes=writes, report=told, stop=stop, agents=agents
         )  # fmt: skip

@@ -15,6 +15,7 @@ from decmcts.errors import InputError
 from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules
 from decmcts.search.sequence.planner import Planner
+from decmcts.team.planner import TeamPlanner
 
 if TYPE_CHECKING:
     from decmcts.print.job import PrintJob
@@ -236,6 +237,8 @@ class TeamSearch:
         The most seconds between the printing of a cut's two ends; None: no limit. Contours that
         the sweep welds later stay whole, and where the heads' search ends later welds the sweep
         is printed.
+    planner : TeamPlanner | None
+        One of your own, which searches in this process; None: Dec-MCTS, a process for each head.
 
     Raises
     ------
@@ -255,6 +258,7 @@ class TeamSearch:
     parameters: Mapping[str, float] = field(default_factory=dict)
     cut: Cut = Cut.INSIDE
     weld_limit_s: float | None = None
+    planner: TeamPlanner | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -262,6 +266,11 @@ class TeamSearch:
             from decmcts.team.dec_mcts.parameters import Parameters, changed  # loads much
 
             changed(Parameters(), self.parameters)
+
+    @property
+    def name(self) -> str:
+        """What files and summaries call the planner."""
+        return "dec-mcts" if self.planner is None else type(self.planner).__name__.lower()
 
 
 RULES = Rules()

@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import weakref
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -159,7 +159,7 @@ class Slicing:
         The slicer; `choose_slicer` finds one.
     options : SliceOptions
         Its settings; `bed` and `center` are replaced by those of the machine.
-    given : frozenset[str]
+    given : Set[str]
         Names of the options that a slicer with a configuration file is told too. One without
         is told all.
 
@@ -172,7 +172,7 @@ class Slicing:
 
     chosen: Chosen
     options: SliceOptions = PRINTED
-    given: frozenset[str] = frozenset()
+    given: Set[str] = frozenset()
 
     def __post_init__(self) -> None:
         check_fields(self)
