@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from decmcts.version import __version__
 
 if TYPE_CHECKING:
+    from agents.launching.status import AgentStatus
     from decmcts.errors import InputError, VerificationError
     from decmcts.experiments.run import Experimented, experiment
     from decmcts.formats.bare.qcsp import read_qcsp
@@ -21,7 +22,17 @@ if TYPE_CHECKING:
     from decmcts.formats.mesh import SliceOptions
     from decmcts.planning.bare import solve_qcsp, solve_sop
     from decmcts.planning.bound import bound
-    from decmcts.planning.events import Begun, Event, Heads, Note, Progress, Report, Sound, Step
+    from decmcts.planning.events import (
+        Begun,
+        Event,
+        Heads,
+        Note,
+        Progress,
+        Report,
+        Sound,
+        Step,
+        Stop,
+    )
     from decmcts.planning.launch import launch
     from decmcts.planning.one_head.certificate import Certificate
     from decmcts.planning.options import (
@@ -45,14 +56,18 @@ if TYPE_CHECKING:
     from decmcts.planning.verify import verify
     from decmcts.planning.verifying.held import Held
     from decmcts.print.machine import Machine
+    from decmcts.print.print_events import EventKind, PrintEvent
     from decmcts.samples import sample_path
     from decmcts.search.sequence.incumbent import Incumbent
     from decmcts.search.sequence.planner import Planner
     from decmcts.search.sop.solver import SopResult
+    from decmcts.team.baselines.offered import TeamIncumbent
+    from decmcts.team.planner import TeamPlanner
     from decmcts.team.qcsp.solver import QcspResult
     from sim.faults import Fault, FaultKind, Verdict
 
 _ROOMS = {
+    "agents.launching.status": ("AgentStatus",),
     "decmcts.errors": ("InputError", "VerificationError"),
     "decmcts.experiments.run": ("Experimented", "experiment"),
     "decmcts.formats.machines.machine_file": ("load_machine", "preset_names"),
@@ -62,7 +77,7 @@ _ROOMS = {
     "decmcts.planning.bare": ("solve_qcsp", "solve_sop"),
     "decmcts.planning.bound": ("bound",),
     "decmcts.planning.events": (
-        "Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "Step",
+        "Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "Step", "Stop",
     ),
     "decmcts.planning.launch": ("launch",),
     "decmcts.planning.one_head.certificate": ("Certificate",),
@@ -79,24 +94,27 @@ _ROOMS = {
     "decmcts.planning.verify": ("verify",),
     "decmcts.planning.verifying.held": ("Held",),
     "decmcts.print.machine": ("Machine",),
+    "decmcts.print.print_events": ("EventKind", "PrintEvent"),
     "decmcts.samples": ("sample_path",),
     "decmcts.search.sequence.planner": ("Planner",),
     "decmcts.search.sequence.incumbent": ("Incumbent",),
     "decmcts.search.sop.solver": ("SopResult",),
+    "decmcts.team.baselines.offered": ("TeamIncumbent",),
+    "decmcts.team.planner": ("TeamPlanner",),
     "decmcts.team.qcsp.solver": ("QcspResult",),
     "sim.faults": ("Fault", "FaultKind", "Verdict"),
 }  # fmt: skip
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
-    "Begun", "Certificate", "Cut", "Event", "Experimented", "Fault", "FaultKind", "Figures",
-    "Freedom", "Heads", "Held", "Incumbent", "InputError", "Limits", "Machine", "Note",
-    "Objective", "Planner", "PlannerName", "ProcessOrder", "Progress", "QcspResult", "Report",
-    "Result", "Rules", "Seam", "Search", "Simulated", "SliceOptions", "Slicing", "SopResult",
-    "Sound", "Source", "Step", "TeamSearch", "Verdict", "VerificationError", "Written",
-    "__version__", "bound", "choose_slicer", "experiment", "launch", "load_machine", "plan",
-    "preset_names", "read", "read_qcsp", "read_sop", "sample_path", "simulate", "solve_qcsp",
-    "solve_sop", "verify",
+    "AgentStatus", "Begun", "Certificate", "Cut", "Event", "EventKind", "Experimented", "Fault",
+    "FaultKind", "Figures", "Freedom", "Heads", "Held", "Incumbent", "InputError", "Limits",
+    "Machine", "Note", "Objective", "Planner", "PlannerName", "PrintEvent", "ProcessOrder",
+    "Progress", "QcspResult", "Report", "Result", "Rules", "Seam", "Search", "Simulated",
+    "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "Stop", "TeamIncumbent",
+    "TeamPlanner", "TeamSearch", "Verdict", "VerificationError", "Written", "__version__", "bound",
+    "choose_slicer", "experiment", "launch", "load_machine", "plan", "preset_names", "read",
+    "read_qcsp", "read_sop", "sample_path", "simulate", "solve_qcsp", "solve_sop", "verify",
 ]  # fmt: skip
 
 

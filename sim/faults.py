@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
+from decmcts.print.brief import brief
+
 
 class FaultKind(Enum):
     """The rule that was broken."""
@@ -82,6 +84,8 @@ class Verdict:
     checked: tuple[str, ...] = ()  # which rules it was held to, one line each
     warnings: tuple[str, ...] = ()  # what the source does as well and is bad all the same
     nearest: Nearest = Nearest()
+
+    __repr__ = brief("ok", "shown", "counts", "nearest")
 
     @property
     def ok(self) -> bool:

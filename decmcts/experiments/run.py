@@ -16,6 +16,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.experiments.catalogue import EXPERIMENTS, compute
 from decmcts.experiments.kinds import Asked, Experiment, Key
@@ -26,8 +27,8 @@ from decmcts.formats.files.atomic import write_whole
 from decmcts.planning.compiling.parts import is_compiled
 from decmcts.planning.compiling.workers import made
 from decmcts.planning.events import Note, Report, Step, unheard
-from decmcts.planning.options import at_least_zero
 from decmcts.planning.writing.places import refuse_place
+from decmcts.print.brief import brief
 from decmcts.version import __version__
 
 SHARED = ("seconds", "iterations", "seed", "version")  # of every key
@@ -42,12 +43,15 @@ class Experimented:
     page: str  # its tables, as Markdown
     paths: tuple[Path, ...]  # CSV file, page, figure
 
+    __repr__ = brief("name", "rows", "failed", "paths")
+
     @property
     def failed(self) -> int:
         """How many of the runs have an error."""
         return sum(bool(row["error"]) for row in self.rows)
 
 
+@checked
 def experiment(
     name: str,
     folder: str | Path = ".",
@@ -107,7 +111,6 @@ def experiment(
     decmcts.errors.InputError: no experiment 'two-hats'; there are two-heads, ...
     """
     chosen = _chosen(name)
-    at_least_zero("time limit", time_limit_s)
     for what, count in (("seeds", seeds), ("iterations", iterations), ("jobs", jobs)):
         if count is not None and count < 1:
             raise InputError(f"{count} {what} are none, at least 1 is needed")

@@ -13,6 +13,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
+
 
 class EdgeKind(IntEnum):
     """Why one contour must come before another."""
@@ -38,6 +40,8 @@ class DependencyGraph:
     kinds: NDArray[np.uint8]  # (m,) EdgeKind, aligned with preds
     succ_offsets: NDArray[np.int64]  # (n + 1,)
     succs: NDArray[np.int32]  # (m,)
+
+    __repr__ = brief("n", "n_edges")
 
     @property
     def n(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arguments import checked
 from decmcts.errors import VerificationError
 from decmcts.formats.bare.qcsp import QcspProblem
 from decmcts.formats.bare.sop import SopInstance
@@ -14,6 +15,7 @@ from decmcts.search.sop.solver import SopResult, search_sop
 from decmcts.team.qcsp.solver import QcspResult, search_qcsp
 
 
+@checked
 def solve_sop(
     costs: NDArray[np.float64],
     precedence: NDArray[np.int32],
@@ -53,11 +55,9 @@ def solve_sop(
 
     Raises
     ------
-    ValueError
-        If shapes do not fit, a cost is negative or too large, a node is unknown
-        or a limit is negative.
     InputError
-        If the precedence has a cycle.
+        If shapes do not fit, a cost is negative or too large, a node is unknown, a limit is
+        negative, or the precedence has a cycle.
 
     Examples
     --------
@@ -72,6 +72,7 @@ def solve_sop(
     return search_sop(costs, precedence, stopping=stopping, seed=seed, progress=report)
 
 
+@checked
 def solve_qcsp(
     problem: QcspProblem,
     *,
@@ -110,7 +111,7 @@ def solve_qcsp(
 
     Raises
     ------
-    ValueError
+    InputError
         If a limit is negative.
 
     Examples

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.planning.one_head.certificate import Certificate, certify
-from decmcts.planning.options import Search, at_least_zero
+from decmcts.planning.options import Search
 from decmcts.planning.result import Result
 from decmcts.search.planners import toolpath_cost
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.metrics import head_toolpath
 
 
+@checked
 def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
     """Prove how far from optimal the travels of a result for one head are at most.
 
@@ -45,7 +47,6 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
     >>> 0.0 < found.bound <= found.travel
     True
     """
-    at_least_zero("time_limit_s", time_limit_s)
     search = result.search
     if not isinstance(search, Search):
         raise InputError("a plan for several heads has no bound on travel", advice="see bound_s")

@@ -8,6 +8,7 @@ from functools import partial
 
 from agents.launch import launch as launch_agents
 from agents.launching.crew import Crew
+from decmcts.arguments import checked
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Report, Stop, never, unheard
@@ -15,9 +16,11 @@ from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.source import Source
 from decmcts.planning.result import Result
+from decmcts.planning.team.own_planner import planned_by
 from decmcts.planning.team.pipeline import plan_team
 
 
+@checked
 def launch(
     source: Source,
     search: TeamSearch = TEAM_SEARCH,
@@ -73,12 +76,15 @@ def launch(
     >>> [head.head for head in result.document.plan.heads]
     ['left', 'right']
     """
-    waiting = crew_started(len(source.machine.heads)) if crew is None else nullcontext(crew)
+    own = search.planner is not None
+    waiting = nullcontext(crew) if own or crew else crew_started(len(source.machine.heads))
     with (
         compilation_told(report) as told, compiling_beside([TEAM], told), waiting as ready
     ):  # fmt: skip
         problem = team_problem(source, rules, told)
         agents = partial(launch_agents, crew=ready)
+        if search.planner is not None:
+            agents = partial(planned_by, search.planner)
         planned = plan_team(
             problem, search, writes=writes, report=told, stop=stop, agents=agents
         )  # fmt: skip

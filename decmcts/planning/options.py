@@ -5,19 +5,20 @@ Nothing here computes. Names in files and on the command line are the values of 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from decmcts.arguments import check_fields
 from decmcts.errors import InputError
 from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules
+from decmcts.search.sequence.planner import Planner
+from decmcts.team.planner import TeamPlanner
 
 if TYPE_CHECKING:
     from decmcts.print.job import PrintJob
-    from decmcts.search.sequence.planner import Planner
 
 
 class Freedom(StrEnum):
@@ -140,14 +141,9 @@ class Rules:
     without_tower: bool = False
 
     def __post_init__(self) -> None:
-        of_enum(self, "process_order", ProcessOrder)
-        of_enum(self, "freedom", Freedom)
-        of_enum(self, "seam", Seam)
-        of_enum(self, "avoid_walls", AvoidWalls)
+        check_fields(self)
         if self.seam != Seam.NEAREST and self.freedom != Freedom.SEAM:
             raise InputError(f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}")
-        at_least_zero("min_layer_time_s", self.min_layer_time_s)
-        at_least_zero("max_layers_ahead", self.max_layers_ahead)
 
     def holds(self, machine: Machine) -> bool:
         """Tell whether `quality` holds on this machine: the paper's has no such rule."""
@@ -205,12 +201,7 @@ class Search:
     certificate: bool = True
 
     def __post_init__(self) -> None:
-        if not callable(getattr(self.planner, "plan", None)):  # else it is one of one's own
-            of_enum(self, "planner", PlannerName)
-        of_enum(self, "objective", Objective)
-        at_least_zero("time_limit_s", self.time_limit_s)
-        at_least_zero("seed", self.seed)
-        at_least_zero("max_iterations", self.max_iterations)
+        check_fields(self)
 
     @property
     def name(self) -> str:
@@ -246,6 +237,8 @@ class TeamSearch:
         The most seconds between the printing of a cut's two ends; None: no limit. Contours that
         the sweep welds later stay whole, and where the heads' search ends later welds the sweep
         is printed.
+    planner : TeamPlanner | None
+        One of your own, which searches in this process; None: Dec-MCTS, a process for each head.
 
     Raises
     ------
@@ -265,38 +258,19 @@ class TeamSearch:
     parameters: Mapping[str, float] = field(default_factory=dict)
     cut: Cut = Cut.INSIDE
     weld_limit_s: float | None = None
+    planner: TeamPlanner | None = None
 
     def __post_init__(self) -> None:
-        of_enum(self, "objective", Objective)
-        of_enum(self, "cut", Cut)
-        at_least_zero("weld_limit_s", self.weld_limit_s)
-        at_least_zero("time_limit_s", self.time_limit_s)
-        at_least_zero("seed", self.seed)
+        check_fields(self)
         if self.parameters:
             from decmcts.team.dec_mcts.parameters import Parameters, changed  # loads much
 
             changed(Parameters(), self.parameters)
 
-
-def of_enum(options: object, name: str, enum: type[StrEnum]) -> None:
-    """Let a field of new options be a member of an enum, given as one or by its value.
-
-    Raises
-    ------
-    InputError
-        If it is no such value.
-    """
-    value = getattr(options, name)
-    try:
-        object.__setattr__(options, name, enum(value))  # the dataclass is frozen
-    except ValueError:
-        raise InputError(f"{name} is {value!r}, must be one of {', '.join(enum)}") from None
-
-
-def at_least_zero(name: str, value: float | None) -> None:
-    """Raise InputError for a limit below zero or infinite; None: no limit was given."""
-    if value is not None and not 0 <= value < math.inf:
-        raise InputError(f"{name} is {value}, must be at least 0 and finite")
+    @property
+    def name(self) -> str:
+        """What files and summaries call the planner."""
+        return "dec-mcts" if self.planner is None else type(self.planner).__name__.lower()
 
 
 RULES = Rules()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import parts_for
@@ -15,6 +16,7 @@ from decmcts.planning.result import Result
 from decmcts.search.sequence.pace import pace_of
 
 
+@checked
 def plan(
     source: Source,
     search: Search = SEARCH,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from decmcts.arguments import checked
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.compiling.child import compilation_told
 from decmcts.planning.events import Report, unheard
@@ -13,6 +14,7 @@ from decmcts.planning.problem.source import Source, read_source
 from decmcts.print.machine import Machine
 
 
+@checked
 def read(
     path: str | Path,
     machine: str | Machine | None = None,

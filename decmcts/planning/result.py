@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.arguments import checked
 from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.certificate import Certificate
@@ -17,6 +21,7 @@ from decmcts.planning.writing.file_times import FileTimes
 from decmcts.planning.writing.heads import stem_of, write_heads
 from decmcts.planning.writing.lines import source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
+from decmcts.print.brief import brief
 from decmcts.print.plan import PlanDocument
 from sim.faults import Verdict
 
@@ -28,6 +33,8 @@ class Figures:
     travel_mm: float  # extrusionless, from the end of each contour to the next one's start
     emitted_travel_mm: float  # as moved, lifts and detours included
     print_time_s: float  # the plan's makespan; of a written file from its first bead to its last
+
+    __repr__ = brief("travel_mm", "emitted_travel_mm", "print_time_s")
 
     @staticmethod
     def of(document: PlanDocument) -> Figures:
@@ -65,6 +72,10 @@ class Result:
     planned: Planned
     search: Search | TeamSearch
 
+    __repr__ = brief(
+        "source.name", "source.machine.name", "before", "after", "bound", "bound_s", "verdict.ok"
+    )
+
     @property
     def source(self) -> Source:
         """What was planned."""
@@ -74,6 +85,21 @@ class Result:
     def document(self) -> PlanDocument:
         """The plan with all that is needed to check or draw it, as plan.json has it."""
         return self.planned.after
+
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Contours of `document` in the order in which they begin, (n,)."""
+        return self.document.plan.order
+
+    @property
+    def assignments(self) -> NDArray[np.int32]:
+        """Place of the head that prints each contour among the plan's heads, (n,)."""
+        return self.document.plan.assignments
+
+    @property
+    def schedule(self) -> NDArray[np.float64]:
+        """When each contour begins and ends by the plan, (n, 2) s."""
+        return self.document.plan.schedule
 
     @property
     def before(self) -> Figures:
@@ -106,6 +132,7 @@ class Result:
         """The best so far over time: rows of seconds, ..., cost."""
         return self.planned.history
 
+    @checked
     def write_gcode(
         self,
         path: str | Path,
@@ -151,6 +178,7 @@ class Result:
         )
         return Written(replace(self, planned=planned), (out,), times)
 
+    @checked
     def write_plan(self, path: str | Path) -> None:
         """Write plan.json, or plan.json.gz.
 
@@ -164,6 +192,7 @@ class Result:
         refuse_other_suffixes(out, None, None)
         write_plan(self.document, out)
 
+    @checked
     def write_report(self, path: str | Path) -> None:
         """Write an HTML report with the paths before and after.
 
@@ -189,6 +218,7 @@ class Result:
             told=told,
         )
 
+    @checked
     def write_picture(self, path: str | Path, *, layer: int | None = None) -> None:
         """Write a picture of what changed, for papers and chats: a PNG, or an SVG.
 
@@ -224,3 +254,5 @@ class Written:
     result: Result  # of the plan in the file, which may be that of another search, or the source's
     paths: tuple[Path, ...]
     times: FileTimes | None = None  # of whole files; None for several heads
+
+    __repr__ = brief("paths", "times")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import sim.controllers
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
@@ -14,10 +15,13 @@ from decmcts.formats.machines.own_machine import machine_of_text
 from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.jit import cache_folder
 from decmcts.planning.events import Note, Report, Step, unheard
+from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import PlanDocument
+from decmcts.print.print_events import PrintEvent
 from sim.controllers.beads import Material, material_of_files, material_of_plan
 from sim.controllers.cooling import too_soon
+from sim.controllers.events import events_of
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.motion import QUEUE
@@ -46,12 +50,20 @@ class Simulated:
     cools: bool = False  # whether the plan's rule of cooling was looked at
     looked_at_print: bool = False  # whether contacts of heads with the print were
 
+    __repr__ = brief("machine.name", "planned_s", "simulation")
+
     @property
     def planned_s(self) -> float | None:
         """The plan's makespan; None without a plan."""
         return None if self.plan is None else self.plan.plan.makespan_s
 
+    @property
+    def events(self) -> tuple[PrintEvent, ...]:
+        """What happened without errors of time, in the order of seconds (docs/events.md)."""
+        return events_of(self.simulation).events
 
+
+@checked
 def simulate(
     inputs: Sequence[str | Path], machine: str | Machine | None = None, *,
     timing: Timing = Timing.NONE, size: float = 0.2, trials: int = 10, seed: int = 0,
@@ -93,6 +105,8 @@ def simulate(
     files = [path for path in paths if path not in plans]
     if len(plans) > 1:
         raise InputError("one plan can be run, not several", path=plans[1])
+    if not inputs:
+        raise InputError("inputs names no file")
     report(Step("reading"))
     plan = read_plan(plans[0]) if plans else None
     chosen = _machine_of(plan, machine, files, report)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.verifying.held import AS_STATED, Held
@@ -14,6 +15,7 @@ from decmcts.print.machine import Machine
 from sim.faults import Verdict
 
 
+@checked
 def verify(
     result: str | Path | Sequence[str | Path],
     source: str | Path | None = None,

@@ -13,6 +13,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
+
 
 class Role(IntEnum):
     """What a contour is for, one vocabulary for all slicers."""
@@ -64,6 +66,8 @@ class Contours:
     # contour that each is a piece of; None: nothing is cut
     along: NDArray[np.float64] | None = None  # (n_points,) place of each point on that contour:
     # k + f lies on the segment from its vertex k to k + 1, at the share f
+
+    __repr__ = brief("layer", "points")
 
     def __post_init__(self) -> None:
         n = len(self.offsets) - 1

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, MotionLimits
 
@@ -101,6 +102,8 @@ class PrintJob:
     refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause
     printed: Contours | None = None  # what stands on the bed before anything here is printed
     fenced: Fenced | None = None  # heads that stand in the way and print no more
+
+    __repr__ = brief("name", "slicer", "contours", "barriers", "notes")
 
     @property
     def accelerations(self) -> NDArray[np.float64]:

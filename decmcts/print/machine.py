@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
@@ -31,6 +32,8 @@ class Slice:
 
     height_mm: float
     polygons: tuple[NDArray[np.float64], ...]  # each (k, 2)
+
+    __repr__ = brief("height_mm", "polygons")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +90,8 @@ class Head:
     limits: MotionLimits | None = None  # its own, whatever the source states; None: the machine's
     pace: float = 1.0  # all that it does takes so many times as long as its limits say; at least 1
 
+    __repr__ = brief("name", "park", "reach_min", "reach_max", "tools")
+
 
 @dataclass(frozen=True, slots=True)
 class Rail:
@@ -120,6 +125,8 @@ class Machine:
     rest_s: float = 0.45  # what a head that stops for another loses until it moves again
     words: SyncWords = USUAL_WORDS  # with which its heads' files signal and wait
     source: str = ""  # where the shape comes from
+
+    __repr__ = brief("name", "bed_min", "bed_max", "heads")
 
     def limits_of(self, head: Head) -> MotionLimits:
         """Return the limits a head moves under: its own, else the machine's."""

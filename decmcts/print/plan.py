@@ -6,16 +6,20 @@ plan safe are stated in docs/definitions.md; `sim` checks them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, Machine
 from decmcts.print.metrics import Metrics
+
+T = TypeVar("T", bound=np.generic)
 
 
 class ActionKind(IntEnum):
@@ -63,6 +67,8 @@ class HeadActions:
     after_point: NDArray[np.int32]  # (m,) the vertex of it that must be passed, or ACTION_END
     after_lag_s: NDArray[np.float64]  # (m,) and seconds that must pass after that
 
+    __repr__ = brief("head", "kind", "end_s")
+
     def __len__(self) -> int:
         return len(self.kind)
 
@@ -95,10 +101,35 @@ class JointPlan:
 
     heads: tuple[HeadActions, ...]
 
+    __repr__ = brief("makespan_s", "heads")
+
     @property
     def makespan_s(self) -> float:
         """Nominal end of the last action."""
         return max((float(h.end_s[-1]) for h in self.heads if len(h)), default=0.0)
+
+    @property
+    def assignments(self) -> NDArray[np.int32]:
+        """Place in `heads` of the head that prints each contour, (n,)."""
+        prints = [np.full(len(h), k, np.int32) for k, h in enumerate(self.heads)]
+        return self._by_contour(prints)
+
+    @property
+    def schedule(self) -> NDArray[np.float64]:
+        """When each contour begins and ends, (n, 2) s since the print began."""
+        return self._by_contour([np.stack([h.begin_s, h.end_s], axis=1) for h in self.heads])
+
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Contours in the order in which they begin, (n,)."""
+        return np.argsort(self.schedule[:, 0], kind="stable")
+
+    def _by_contour(self, of_actions: Sequence[NDArray[T]]) -> NDArray[T]:
+        """Return what holds for actions, an array a head, by the contour that is printed."""
+        contour = np.concatenate([head.contour for head in self.heads])
+        prints = np.concatenate([head.kind for head in self.heads]) == ActionKind.PRINT
+        found: NDArray[T] = np.concatenate(of_actions)[prints]
+        return found[np.argsort(contour[prints])]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,3 +161,5 @@ class PlanDocument:
     # own; None: it does not say
     printed: Contours | None = None  # what stands on the bed before the plan begins
     fenced: Fenced | None = None  # heads that stand in the way and print no more
+
+    __repr__ = brief("problem", "machine.name", "contours", "plan", "rules")

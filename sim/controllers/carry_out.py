@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from decmcts.print.brief import brief
 from sim.controllers.compiled import compiled
 from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
 from sim.controllers.timing import Error
@@ -29,6 +30,8 @@ class HeadRun:
     begin: Floats  # (m,) seconds at which each move began; inf: it never did
     end: Floats  # (m,)
     end_s: float  # when it has done all; inf: it never did
+
+    __repr__ = brief("end_s", "begin", "reached")
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
 from decmcts.print.machine import MotionLimits
 from sim.controllers.compiled import compiled
 from sim.controllers.program import Floats, HeadProgram, Ints
@@ -37,6 +38,8 @@ class Profile:
     top: Floats  # (m,) the most within the move
     rate: Floats  # (m,) mm/s²
     seconds: Floats  # (m,)
+
+    __repr__ = brief("length", "seconds")
 
 
 def profile_of(program: HeadProgram, queue: int = QUEUE) -> Profile:

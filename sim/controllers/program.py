@@ -12,6 +12,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
 from decmcts.print.machine import MotionLimits
 
 Floats = NDArray[np.float64]
@@ -65,6 +66,8 @@ class HeadProgram:
     stops: Stops
     begins: int = 0  # stops above which the print has not begun: start code
     ends: int | None = None  # stops above which it has: below is end code; None: there is none
+
+    __repr__ = brief("name", "points", "stops.kind")
 
     @property
     def prints(self) -> NDArray[np.bool_]:

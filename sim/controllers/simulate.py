@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
 from sim.controllers.adversary import adversaries
 from sim.controllers.beads import Material
@@ -75,6 +76,8 @@ class Simulation:
     heads: tuple[HeadFigures, ...]
     waits: tuple[Wait, ...]
     trials: tuple[Trial, ...]  # the first without errors
+
+    __repr__ = brief("makespan_s", "safe", "contacts", "heads")
 
     @property
     def makespan_s(self) -> float:

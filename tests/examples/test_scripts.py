@@ -24,7 +24,7 @@ def script(number: int) -> ModuleType:
 def test_every_example_is_listed() -> None:
     """Whoever opens the folder reads README.md first."""
     listed = (FOLDER / "README.md").read_text()
-    assert len(NAMES) == 5
+    assert len(NAMES) == 6
     assert all(f"{name}.py" in listed for name in [*NAMES])
     assert "tour.ipynb" in listed
 
@@ -70,3 +70,12 @@ def test_your_own_planner() -> None:
     """It finds something; what is worth more is found by ours."""
     found = cast("dict[str, float]", script(5).main(time_limit_s=0.5))
     assert found["hybrid"] < found["walks"] < found["as sliced"]
+
+
+@pytest.mark.slow
+def test_your_own_team_planner() -> None:
+    """What it finds is a plan that passed the judge, and gains much of what two heads can."""
+    result = script(6).main(time_limit_s=0.5)
+    assert result.verdict.ok and result.document.metrics["planner"] == "borders"
+    assert result.after.print_time_s < 0.7 * result.before.print_time_s
+    assert set(result.assignments.tolist()) == {0, 1}

@@ -21,10 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.fields import Fields, fail, numbers, points, shown
 from decmcts.formats.files.reading import once, read_bytes
+from decmcts.print.brief import brief
 
 QCSP_SUFFIXES = (".qcsp", ".qcsp.gz")
 COLLECTION_SUFFIXES = (".json", ".json.gz")
@@ -52,6 +54,8 @@ class QcspProblem:
     spacing: int  # bays from one crane to the next at least, s + 1
     precedence: NDArray[np.int32]  # (m, 2) rows (i, j): i ends before j begins
 
+    __repr__ = brief("name", "duration", "cranes", "travel", "spacing", "precedence")
+
     def __len__(self) -> int:
         return len(self.duration)
 
@@ -70,6 +74,8 @@ class QcspSchedule:
     paths: tuple[NDArray[np.float64], ...]  # by crane: (k, 2) rows (time, position), k >= 1
     makespan: float  # end of the last task; 0 without tasks
 
+    __repr__ = brief("makespan", "crane", "begin")
+
 
 def is_qcsp(path: Path) -> bool:
     """Say whether the name is that of a bare team problem, in a collection or by itself."""
@@ -77,6 +83,7 @@ def is_qcsp(path: Path) -> bool:
     return known or _in_collection(path) is not None
 
 
+@checked
 def read_qcsp(path: Path | str) -> QcspProblem:
     """Read `X.qcsp`, or `COLLECTION.json.gz:NAME`, one of many in a mapping of names.
 

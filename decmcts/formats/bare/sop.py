@@ -19,9 +19,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
+from decmcts.print.brief import brief
 
 SOP_SUFFIXES = (".sop", ".sop.gz")
 MOST_NODES = 20_000  # 3.2 GB of costs
@@ -42,6 +44,8 @@ class SopInstance:
     costs: NDArray[np.float64]  # (n, n) from row to column; 0 where there is no such step
     precedence: NDArray[np.int32]  # (m, 2) rows (a, b): a somewhere before b
 
+    __repr__ = brief("name", "costs", "precedence")
+
     def __len__(self) -> int:
         return len(self.costs)
 
@@ -51,6 +55,7 @@ def is_sop(path: Path) -> bool:
     return path.name.lower().endswith(SOP_SUFFIXES)
 
 
+@checked
 def read_sop(path: Path | str) -> SopInstance:
     """Read `X.sop` or `X.sop.gz`.
 

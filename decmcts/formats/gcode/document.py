@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.brief import brief
+
 NO_ARC = -1
 UNSET = 0  # value id of a slot that was never set
 BEFORE_TRAVEL = ("layer", "mesh", "object", "label")  # a travel belongs to what it leads to
@@ -30,6 +32,8 @@ class StateTable:
     values: tuple[str, ...]  # values[UNSET] == ""
     leave: tuple[str, ...]  # aligned with values: the text that ends an object or label
     rows: NDArray[np.int32]  # (n_states, n_slots) value ids
+
+    __repr__ = brief("slots", "rows")
 
     def text(self, state: int, slot: str) -> str:
         """Return what set `slot` in a state; empty when nothing did."""
@@ -140,6 +144,8 @@ class Motions:
     tool: NDArray[np.int64] | None = None  # (m,) in use; None: one tool
     withdrawn: NDArray[np.bool_] | None = None  # (m,) the firmware has retracted before; None: no
 
+    __repr__ = brief("points", "extrusion")
+
 
 @dataclass(frozen=True, slots=True)
 class GcodeDocument:
@@ -169,6 +175,8 @@ class GcodeDocument:
     # the first
     primes: tuple[tuple[int, float], ...] = ()  # tool, and filament that the source pushes beyond
     # what it pulled at each change to it, mm: where it pushes as much at all of them
+
+    __repr__ = brief("path", "blocks", "states")
 
     def prime(self, tool: int | None) -> float:
         """Return what a tool's head pushes on the spot when it has stood idle, mm."""

@@ -11,6 +11,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.reading import parse_toml, read_bytes, read_json
 from decmcts.formats.machines.machine_dict import machine_from_dict
@@ -59,6 +60,7 @@ def preset_names() -> list[str]:
     return sorted([*_RAILS, *(name[:-5] for name in files if name.endswith(".toml"))])
 
 
+@checked
 def load_machine(name_or_path: str) -> Machine:
     """Return a machine.
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from decmcts.arguments import check_fields
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import has_plates
 from decmcts.print.machine import Machine
@@ -93,6 +94,7 @@ class SliceOptions:
     bed_temperature: float = 60.0  # °C
 
     def __post_init__(self) -> None:
+        check_fields(self)
         self._within("nozzle", 0.1, 2.0)
         self._within("layer_height", 0.02, 0.9 * self.nozzle)
         self._within("first_layer_height", 0.02, self.nozzle)
@@ -111,8 +113,6 @@ class SliceOptions:
         self._within("temperature", 150.0, 500.0)  # colder no plastic flows
         self._within("bed_temperature", 0.0, 200.0)
         self._within("fan_percent", 0.0, 100.0)
-        if self.center is not None and not all(map(math.isfinite, self.center)):
-            raise InputError(f"center {self.center} is no place on a bed")
 
     def for_machine(self, machine: Machine) -> SliceOptions:
         """Return the same options for a mesh in the middle of a machine's bed."""

@@ -9,7 +9,7 @@ not follow `inherits`), so edited copies of those are handed on.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -46,7 +46,7 @@ class Request:
     mesh: Path
     folder: Path  # where everything is written
     options: SliceOptions
-    given: frozenset[str]  # options the user named; with a configuration only these are handed on
+    given: Set[str]  # options the user named; with a configuration only these are handed on
     config: tuple[Path, ...] = ()  # profiles in the slicer's own format
 
     def hands_on(self, name: str) -> bool:

@@ -13,6 +13,7 @@ from decmcts.errors import VerificationError
 from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.events import Report, Step
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.brief import brief
 from decmcts.print.cut import cut_metrics
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
@@ -42,6 +43,10 @@ class Planned:
     sliced: FileTime | None = None  # the source's file, where it is G-code and was looked at
     own_s: float | None = None  # the source's own order written anew: its whole file, if known
     head_files: tuple[bytes, ...] = ()  # text of the heads' files, judged; none: not written yet
+
+    __repr__ = brief(
+        "problem.source.name", "before.plan.makespan_s", "after.plan.makespan_s", "verdict.ok"
+    )
 
 
 def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:

@@ -20,6 +20,7 @@ from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.options import RULES, Cut, Freedom, Limits, Objective, Rules
 from decmcts.planning.problem.source import Source, read_source
+from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -43,6 +44,8 @@ class PrintProblem:
     cut: Cut = Cut.NONE  # what was cut of it
     whole: PrintProblem | None = None  # the problem before contours were cut; None: none is
     weld_limit_s: float | None = None  # no weld of a cut may be older; None: any age will do
+
+    __repr__ = brief("path", "machine.name", "graph", "rules", "cut")
 
     @property
     def path(self) -> Path:

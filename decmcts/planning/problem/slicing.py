@@ -7,12 +7,13 @@ import shutil
 import signal
 import subprocess
 import weakref
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NoReturn
 
+from decmcts.arguments import check_fields, checked
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.mesh import SliceOptions, slice_to_gcode
@@ -49,6 +50,7 @@ class Chosen:
         return EXPERIMENTS if self.program is None else str(self.program)
 
 
+@checked
 def choose_slicer(name: str = AUTO, config: str | None = None) -> Chosen:
     """Return the slicer that `--slicer` means.
 
@@ -157,7 +159,7 @@ class Slicing:
         The slicer; `choose_slicer` finds one.
     options : SliceOptions
         Its settings; `bed` and `center` are replaced by those of the machine.
-    given : frozenset[str]
+    given : Set[str]
         Names of the options that a slicer with a configuration file is told too. One without
         is told all.
 
@@ -170,7 +172,10 @@ class Slicing:
 
     chosen: Chosen
     options: SliceOptions = PRINTED
-    given: frozenset[str] = frozenset()
+    given: Set[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def slice_for(self, mesh: Path, machine: Machine, folder: Path) -> Path:
         """Slice a mesh for a machine and return the G-code file, in a folder."""

@@ -21,6 +21,7 @@ from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.exported import exported_file
 from decmcts.planning.problem.slicing import SlicedFolder, Slicing
+from decmcts.print.brief import brief
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.metrics import Metrics
@@ -53,6 +54,8 @@ class Source:
     regrouped: Regrouped | None = None  # what was given, where this has fewer changes of tools
     given: Source | None = None  # as it was read, where changes of tools or a tower are left out
     towerless: bool = False  # its wipe tower is left out
+
+    __repr__ = brief("name", "machine.name", "job", "sliced_by")
 
     @property
     def name(self) -> str:

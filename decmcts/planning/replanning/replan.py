@@ -42,6 +42,7 @@ from decmcts.planning.replanning.rest import (
 )
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import Launch, plan_team
+from decmcts.print.brief import brief
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Machine, Point
 from decmcts.print.plan import PlanDocument
@@ -67,6 +68,8 @@ class Rest:
     broken: tuple[Broken, ...]
     done: int  # contours of the plan that are printed, or broken off
     missing: str = ""  # what no living head can finish, in words
+
+    __repr__ = brief("source", "done", "broken", "missing")
 
     @property
     def lines(self) -> list[str]:

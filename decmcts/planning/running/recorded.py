@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from agents.running.report import Reached
+from decmcts.print.brief import brief
 from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import ACTION_END, ActionKind, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
@@ -48,6 +49,8 @@ class Carried:
     reached: dict[int, Reached] = field(default_factory=dict)  # by head of the first plan
     until: dict[int, int] = field(default_factory=dict)  # up to which action each head goes on
     _works: dict[int, Work] = field(default_factory=dict)
+
+    __repr__ = brief("number", "document", "heads", "events")
 
     def take(self, head: int, event: PrintEvent) -> None:
         """Take an event of a head of the first plan."""

@@ -15,6 +15,7 @@ from decmcts.planning.replanning.rest import refuse_other
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
 from decmcts.planning.running.recorded import Carried, Wait, nearest, waits_of
+from decmcts.print.brief import brief
 from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventLog
@@ -53,6 +54,10 @@ class RunResult:
     waits: tuple[Wait, ...]
     left: tuple[str, ...]
     reason: str
+
+    __repr__ = brief(
+        "names", "plans", "makespan_s", "planned_s", "contours", "unprinted", "left", "reason"
+    )
 
     @property
     def contacts(self) -> int:

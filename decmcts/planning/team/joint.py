@@ -116,7 +116,7 @@ def best_of(
         report(Step("safe travels and times of one head alone"))
     alone, lone = yardsticks.result()
     extra: Metrics = {
-        "planner": "dec-mcts",
+        "planner": search.name,
         **_freedom_metrics(ready.orders),
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,

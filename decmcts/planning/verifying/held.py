@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from decmcts.planning.options import Freedom, ProcessOrder, at_least_zero, of_enum
+from decmcts.arguments import check_fields
+from decmcts.planning.options import Freedom, ProcessOrder
 from decmcts.print.plan import OrderRules
 
 
@@ -36,12 +37,7 @@ class Held:
     min_layer_time_s: float | None = None
 
     def __post_init__(self) -> None:
-        if self.process_order is not None:
-            of_enum(self, "process_order", ProcessOrder)
-        if self.freedom is not None:
-            of_enum(self, "freedom", Freedom)
-        at_least_zero("max_layers_ahead", self.max_layers_ahead)
-        at_least_zero("min_layer_time_s", self.min_layer_time_s)
+        check_fields(self)
 
     def names(self) -> list[str]:
         """Return the names of the rules that are not None."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from decmcts.search.sequence.incumbent import Incumbent
+if TYPE_CHECKING:  # options know planners, and load no compiler
+    from decmcts.search.sequence.incumbent import Incumbent
 
 
+@runtime_checkable
 class Planner(Protocol):
     """A way to find a good sequence."""
 

@@ -25,8 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.bare.sop import MOST_COST
+from decmcts.print.brief import brief
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
@@ -46,6 +48,8 @@ class SopResult:
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
     found_by: str  # "start", "beam", "annealing" or "assignments"
     seed: int
+
+    __repr__ = brief("order", "cost", "bound", "iterations", "found_by")
 
     @property
     def optimal(self) -> bool:
@@ -88,10 +92,9 @@ def search_sop(
 
     Raises
     ------
-    ValueError
-        If shapes do not fit, a cost is negative or too large, or a node is unknown.
     InputError
-        If the precedence has a cycle.
+        If shapes do not fit, a cost is negative or too large, a node is unknown, or the
+        precedence has a cycle.
     """
     bare, pairs = _checked(costs, precedence)
     n = len(bare)
@@ -126,22 +129,22 @@ def search_sop(
 def _checked(
     costs: NDArray[np.float64], precedence: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return costs and pairs as arrays of their own, or raise ValueError."""
+    """Return costs and pairs as arrays of their own, or raise InputError."""
     bare = np.array(costs, np.float64)
     if bare.ndim != 2 or bare.shape[0] != bare.shape[1]:
-        raise ValueError(f"costs have shape {bare.shape}, expected (n, n)")
+        raise InputError(f"costs have shape {bare.shape}, expected (n, n)")
     np.fill_diagonal(bare, 0.0)
     if not ((bare >= 0.0) & (bare <= MOST_COST)).all():
-        raise ValueError(f"a cost is negative, above {MOST_COST:g} or not a number")
+        raise InputError(f"costs have one below 0, above {MOST_COST:g} or not a number")
     pairs = np.asarray(precedence)
     if pairs.size == 0:
         pairs = pairs.reshape(0, 2)
     if pairs.ndim != 2 or pairs.shape[1] != 2:
-        raise ValueError(f"precedence has shape {pairs.shape}, expected (m, 2)")
+        raise InputError(f"precedence has shape {pairs.shape}, expected (m, 2)")
     if len(pairs) and not (pairs.min() >= 0 and pairs.max() < len(bare)):
-        raise ValueError(f"precedence names a node outside 0..{len(bare) - 1}")
+        raise InputError(f"precedence names a node outside 0..{len(bare) - 1}")
     if len(pairs) and not np.issubdtype(pairs.dtype, np.integer):
-        raise ValueError(f"precedence is of {pairs.dtype}, expected whole numbers")
+        raise InputError(f"precedence is of {pairs.dtype}, expected whole numbers")
     return bare, pairs.astype(np.int32)
 
 

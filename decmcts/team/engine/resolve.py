@@ -81,12 +81,12 @@ def resolve(
     if serial is not None and (order := as_allowed(problem, serial)):
         return _one_by_one(problem, order, fleet, eligible, team)
     stated = next((i.stated for i in intents.values() if i.stated is not None), None)
-    if stated is not None and (found := _as_stated(problem, stated, fleet, eligible)):
+    if stated is not None and (found := as_stated(problem, stated, team)):
         return found
     changes = {r: i.changes for r, i in intents.items() if i.changes is not None}
     if problem.start is not None and changes:
         rearranged = changed_order(problem.start, changes, problem.space.eligible, problem.graph)
-        if found := _as_stated(problem, rearranged, fleet, eligible):
+        if found := as_stated(problem, rearranged, team):
             return found
     return _dispatched(problem, intents, fleet, eligible)
 
@@ -155,10 +155,9 @@ def _one_by_one(
     return _resolved(units_of(problem.visits, fleet, problem.machine, toolpaths), len(toolpaths))
 
 
-def _as_stated(
-    problem: TeamProblem, stated: StatedOrder, fleet: Fleet, eligible: NDArray[np.bool_]
-) -> Resolved | None:
+def as_stated(problem: TeamProblem, stated: StatedOrder, team: Sequence[int]) -> Resolved | None:
     """Let the heads do exactly this; None if these heads can not."""
+    fleet, eligible = fleet_for(problem, team)
     if not is_allowed(problem, stated, eligible):
         return None
     heads = len(problem.machine.heads)

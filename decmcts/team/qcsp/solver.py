@@ -35,6 +35,7 @@ from decmcts._kernels.refine.qcsp import (
     find_loads,
 )
 from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
+from decmcts.print.brief import brief
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of
@@ -57,6 +58,18 @@ class QcspResult:
     proposals: int
     history: NDArray[np.float64]  # (k, 3) seconds, proposals, makespan at each improvement
     seed: int
+
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Tasks in the order in which they begin, (n,)."""
+        return np.argsort(self.schedule.begin, kind="stable")
+
+    @property
+    def assignments(self) -> NDArray[np.int32]:
+        """Which crane does each task, (n,)."""
+        return self.schedule.crane
+
+    __repr__ = brief("schedule", "bound", "proposals")
 
     @property
     def optimal(self) -> bool:

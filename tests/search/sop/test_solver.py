@@ -196,7 +196,7 @@ def test_a_cycle_is_named() -> None:
     ("costs", "pairs", "word"),
     [
         (np.zeros((2, 3)), [], "shape"),
-        (np.full((2, 2), -1.0), [], "negative"),
+        (np.full((2, 2), -1.0), [], "below 0"),
         (np.full((2, 2), np.nan), [], "not a number"),
         (np.full((2, 2), 1e13), [], "above 1e"),
         (np.zeros((2, 2)), [(0, 2**32)], "outside"),
@@ -207,5 +207,5 @@ def test_a_cycle_is_named() -> None:
 )
 def test_unusable_arguments_are_refused(costs: np.ndarray, pairs: list, word: str) -> None:
     """A public function says what is wrong before it computes nonsense."""
-    with pytest.raises(ValueError, match=word):
+    with pytest.raises(InputError, match=word):
         search_sop(costs, np.array(pairs), stopping=Stopping(1.0))

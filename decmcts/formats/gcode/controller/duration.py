@@ -26,6 +26,7 @@ from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.text.lines import Lines, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.print.brief import brief
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program
 from decmcts.print.walls import has_walls
@@ -50,6 +51,8 @@ class FileTime:
     retractions: int = 0
     over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
     arcs: int = 0  # G2 and G3 that print
+
+    __repr__ = brief("motion_s", "dwell_s", "change_s", "retractions")
 
     @property
     def total_s(self) -> float:
