@@ -75,6 +75,7 @@ def page_data(
         "saving": saving_of(before, after),
         "graph": _graph(told.graph, blobs),
         "cuts": cuts_of_page(after, blobs),
+        "after": _after(after if told.run is None else before, blobs) if several else None,
         "notes": list(told.notes),
         "run": None if told.run is None else _run(told.run),
     }  # fmt: skip
@@ -84,6 +85,27 @@ def page_data(
 def _run(run: CarriedOut) -> dict[str, Any]:
     failed = [dict(zip(("head", "time_s", "why"), one, strict=True)) for one in run.failed]
     return {**asdict(run), "failed": failed}
+
+
+def _after(document: PlanDocument, blobs: Blobs) -> list[dict[str, Any]]:
+    """Return of each head what it was planned to print, and which actions wait for other heads.
+
+    Rows are `action`, and the `head` and action (`until`) it waits for; `bead` has the contour of
+    each action, -1: none.
+    """
+    found = []
+    for actions in document.plan.heads:
+        action = np.repeat(np.arange(len(actions)), np.diff(actions.after_offsets))
+        found.append(
+            {
+                "n": len(actions),
+                "bead": blobs.add(actions.contour, delta=True),
+                "action": blobs.add(action, delta=True),
+                "head": blobs.add(actions.after_head),
+                "until": blobs.add(actions.after_action, delta=True),
+            }
+        )
+    return found
 
 
 def _clusters(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any]:

@@ -19,8 +19,8 @@ VIEW = (
     "view.js",
 )  # fmt: skip
 CHARTS = (
-    "timeline.js", "gantt_drawing.js", "gantt.js", "gantt_controls.js", "waits.js", "charts.js",
-    "order_graph.js", "facts.js",
+    "timeline.js", "gantt_drawing.js", "gantt.js", "gantt_controls.js", "waits.js", "stops.js",
+    "charts.js", "order_graph.js", "facts.js",
 )  # fmt: skip
 SCRIPTS = (
     "data.js", "state.js", "format.js", "elements.js", "words.js", *VIEW, *CHARTS, "main.js",

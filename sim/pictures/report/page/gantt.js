@@ -206,6 +206,7 @@
     resize();
     tellNow();
     D.waits.show(page);
+    D.stops.show(page);
   }
 
   function name(page) {
