@@ -108,6 +108,14 @@ _ROOMS = {
     "decmcts.team.qcsp.solver": ("QcspResult",),
     "sim.faults": ("Fault", "FaultKind", "Verdict"),
 }  # fmt: skip
+for _name in ("agents", "sim"):
+    if getattr(_package := import_module(_name), "PART_OF", "") != "decmcts":
+        raise ImportError(
+            f"the package {_name!r} in {_package.__file__} is not that of decmcts: another "
+            "distribution or a file of yours has its name; give decmcts an environment of its own"
+        )
+del _name, _package
+
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
