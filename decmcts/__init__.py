@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from decmcts.formats.bare.sop import read_sop
     from decmcts.formats.machines.machine_file import load_machine, preset_names
     from decmcts.formats.mesh import SliceOptions
+    from decmcts.planning.arrays import from_arrays
     from decmcts.planning.bare import solve_qcsp, solve_sop
     from decmcts.planning.bound import bound
     from decmcts.planning.events import (
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from decmcts.planning.simulate import Simulated, simulate
     from decmcts.planning.verify import verify
     from decmcts.planning.verifying.held import Held
+    from decmcts.print.contours import Role
     from decmcts.print.machine import Machine
     from decmcts.print.print_events import EventKind, PrintEvent
     from decmcts.samples import sample_path
@@ -74,6 +76,7 @@ _ROOMS = {
     "decmcts.formats.mesh": ("SliceOptions",),
     "decmcts.formats.bare.qcsp": ("read_qcsp",),
     "decmcts.formats.bare.sop": ("read_sop",),
+    "decmcts.planning.arrays": ("from_arrays",),
     "decmcts.planning.bare": ("solve_qcsp", "solve_sop"),
     "decmcts.planning.bound": ("bound",),
     "decmcts.planning.events": (
@@ -93,6 +96,7 @@ _ROOMS = {
     "decmcts.planning.simulate": ("Simulated", "simulate"),
     "decmcts.planning.verify": ("verify",),
     "decmcts.planning.verifying.held": ("Held",),
+    "decmcts.print.contours": ("Role",),
     "decmcts.print.machine": ("Machine",),
     "decmcts.print.print_events": ("EventKind", "PrintEvent"),
     "decmcts.samples": ("sample_path",),
@@ -104,17 +108,25 @@ _ROOMS = {
     "decmcts.team.qcsp.solver": ("QcspResult",),
     "sim.faults": ("Fault", "FaultKind", "Verdict"),
 }  # fmt: skip
+for _name in ("agents", "sim"):
+    if getattr(_package := import_module(_name), "PART_OF", "") != "decmcts":
+        raise ImportError(
+            f"the package {_name!r} in {_package.__file__} is not that of decmcts: another "
+            "distribution or a file of yours has its name; give decmcts an environment of its own"
+        )
+del _name, _package
+
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
     "AgentStatus", "Begun", "Certificate", "Cut", "Event", "EventKind", "Experimented", "Fault",
     "FaultKind", "Figures", "Freedom", "Heads", "Held", "Incumbent", "InputError", "Limits",
     "Machine", "Note", "Objective", "Planner", "PlannerName", "PrintEvent", "ProcessOrder",
-    "Progress", "QcspResult", "Report", "Result", "Rules", "Seam", "Search", "Simulated",
+    "Progress", "QcspResult", "Report", "Result", "Role", "Rules", "Seam", "Search", "Simulated",
     "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "Stop", "TeamIncumbent",
     "TeamPlanner", "TeamSearch", "Verdict", "VerificationError", "Written", "__version__", "bound",
-    "choose_slicer", "experiment", "launch", "load_machine", "plan", "preset_names", "read",
-    "read_qcsp", "read_sop", "sample_path", "simulate", "solve_qcsp", "solve_sop", "verify",
+    "choose_slicer", "experiment", "from_arrays", "launch", "load_machine", "plan", "preset_names",
+    "read", "read_qcsp", "read_sop", "sample_path", "simulate", "solve_qcsp", "solve_sop", "verify",
 ]  # fmt: skip
 
 

@@ -18,7 +18,17 @@ from decmcts.print.metrics import Metrics
 from decmcts.print.plan import PlanDocument
 
 ROOT = Path(__file__).parents[1]
-WORK = ("bound", "experiment", "launch", "plan", "read", "solve_qcsp", "solve_sop", "verify")
+WORK = (
+    "bound",
+    "experiment",
+    "from_arrays",
+    "launch",
+    "plan",
+    "read",
+    "solve_qcsp",
+    "solve_sop",
+    "verify",
+)
 SLOW = ("decmcts.planning",)
 
 

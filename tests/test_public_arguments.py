@@ -19,6 +19,8 @@ SOUND = {
     "chosen": decmcts.choose_slicer("builtin"), "costs": np.ones((3, 3)), "inputs": [NUTS],
     "name": "paper", "name_or_path": "paper", "path": "none.gcode",
     "precedence": np.zeros((0, 2), np.int32), "problem": object.__new__(QcspProblem),
+    "layer": np.zeros(2, int), "machine": "mk4s", "offsets": np.array([0, 2, 4]),
+    "points": np.array([[20, 20, 0.2], [40, 20, 0.2], [80, 20, 0.2], [60, 20, 0.2]]),
     "result": NUTS, "self": None, "source": object.__new__(decmcts.Source),
 }  # fmt: skip
 WORDS = {None: "None", "no such thing": "str", True: "bool"}  # what may be given where it stands

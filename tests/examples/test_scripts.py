@@ -24,7 +24,7 @@ def script(number: int) -> ModuleType:
 def test_every_example_is_listed() -> None:
     """Whoever opens the folder reads README.md first."""
     listed = (FOLDER / "README.md").read_text()
-    assert len(NAMES) == 6
+    assert len(NAMES) == 7
     assert all(f"{name}.py" in listed for name in [*NAMES])
     assert "tour.ipynb" in listed
 
@@ -79,3 +79,11 @@ def test_your_own_team_planner() -> None:
     assert result.verdict.ok and result.document.metrics["planner"] == "borders"
     assert result.after.print_time_s < 0.7 * result.before.print_time_s
     assert set(result.assignments.tolist()) == {0, 1}
+
+
+@pytest.mark.slow
+def test_from_arrays(tmp_path: Path) -> None:
+    """A print that no slicer made is planned, written and judged as any other."""
+    result, verdict = script(7).main(tmp_path / "towers.gcode", time_limit_s=0.3)
+    assert verdict.ok and len(result.order) == 90
+    assert result.after.travel_mm < 0.7 * result.before.travel_mm

@@ -56,7 +56,7 @@ def read_sliced(sliced: Path, mesh: Path) -> tuple[PrintJob, GcodeDocument]:
 def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str:
     """Return the G-code of a mesh file as text; raises InputError like `slice_mesh`."""
     # here, so that only who slices waits for trimesh to load
-    from decmcts.formats.mesh.gcode_text import gcode_lines
+    from decmcts.formats.mesh.gcode_text import gcode_lines, sliced
     from decmcts.formats.mesh.load import load_solid
     from decmcts.formats.mesh.sections import cut_layers
 
@@ -64,7 +64,7 @@ def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str
     source = Path(path)
     solid = load_solid(source, chosen.center)
     layers = cut_layers(solid, chosen.first_layer_height, chosen.layer_height)
-    lines = list(gcode_lines(layers, chosen))
+    lines = list(gcode_lines(sliced(layers, chosen), chosen))
     if not any(line.startswith(";TYPE:") and line != ";TYPE:Custom" for line in lines):
         raise InputError(
             f"nothing of the mesh is as wide as a bead of {chosen.bead_width:g} mm "

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.gcode.dialects.roles import CANONICAL
 from decmcts.formats.mesh.options import SliceOptions
 from decmcts.formats.mesh.sections import Layers
 from decmcts.formats.mesh.shells import find_shells
@@ -15,49 +17,63 @@ from decmcts.formats.mesh.toolpaths import Bead, layer_beads
 from decmcts.print.contours import Role
 from decmcts.version import __version__
 
-_TYPES = {
-    Role.EXTERNAL_PERIMETER: "External perimeter",
-    Role.PERIMETER: "Perimeter",
-    Role.INFILL: "Internal infill",
-    Role.SOLID_INFILL: "Solid infill",
-    Role.TOP_SOLID_INFILL: "Top solid infill",
-    Role.SKIRT_BRIM: "Skirt/Brim",
-}
 _LIFT_MM = 10.0  # above the print, before the head parks
 
 
-def gcode_lines(layers: Layers, options: SliceOptions) -> Iterator[str]:
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """One bead at its place."""
+
+    layer: int
+    role: Role
+    points: NDArray[np.float64]  # (k, 3) mm
+    filament: NDArray[np.float64]  # (k - 1,) mm of each segment
+    feed: float  # mm/s
+    width: float  # mm
+    height: float
+
+
+def sliced(layers: Layers, options: SliceOptions) -> Iterator[Laid]:
+    """Yield the beads of a mesh, in the order in which they are printed."""
+    shells, any_yet = find_shells(layers, options.top_layers, options.bottom_layers), False
+    for number, region in enumerate(layers.regions):
+        z, height = float(layers.z[number]), float(layers.height[number])
+        beads = list(layer_beads(layers, shells, number, options))
+        skirt = [] if any_yet or not beads else skirt_beads(region, options)
+        any_yet |= bool(beads)
+        for bead in [*skirt, *beads]:
+            points = np.column_stack([bead.points, np.full(len(bead.points), z)]).round(3)
+            filament = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            filament *= options.filament_per_mm(height)
+            feed = options.first_layer_feed if number == 0 else _feed(bead, options)
+            yield Laid(number, bead.role, points, filament, feed, options.bead_width, height)
+
+
+def gcode_lines(beads: Iterable[Laid], options: SliceOptions) -> Iterator[str]:
     """Yield the lines of a complete print."""
     yield from _start(options)
     at: NDArray[np.float64] | None = None
+    before: Laid | None = None
     fan, top = False, 0.0
-    shells = find_shells(layers, options.top_layers, options.bottom_layers)
-    for number in range(len(layers.regions)):
-        z, height = float(layers.z[number]), float(layers.height[number])
-        beads = list(layer_beads(layers, shells, number, options))
-        if not beads:
-            continue
-        if at is None:
-            beads = [*skirt_beads(layers.regions[number], options), *beads]
-        yield ";LAYER_CHANGE"
-        yield f";Z:{z:g}"
-        yield f";HEIGHT:{height:g}"
-        if not fan and at is not None and options.fan_percent > 0.0:
+    for bead in beads:
+        first = before is None or bead.layer != before.layer
+        if first:
+            yield ";LAYER_CHANGE"
+            yield f";Z:{bead.points[0, 2]:g}"
+        if before is None or first or bead.height != before.height:
+            yield f";HEIGHT:{bead.height:g}"
+        if not fan and first and before is not None and options.fan_percent > 0.0:
             fan = True
             yield f"M106 S{2.55 * options.fan_percent:.0f} ; fan"
-        yield f"G1 Z{z:.3f} F{options.travel_feed * 60:.0f}"
-        role = None
-        for bead in beads:
-            points = bead.points.round(3)
-            yield from _travel(at, points[0], options)
-            if bead.role is not role:
-                role = bead.role
-                yield f";TYPE:{_TYPES[role]}"
-                yield f";WIDTH:{options.bead_width:g}"
-            feed = options.first_layer_feed if number == 0 else _feed(bead, options)
-            yield f"G1 F{feed * 60:.0f}"
-            yield from _extrude(points, options.filament_per_mm(height))
-            at, top = points[-1], z
+        if at is None or bead.points[0, 2] != at[2]:
+            yield f"G1 Z{bead.points[0, 2]:.3f} F{options.travel_feed * 60:.0f}"
+        yield from _travel(at, bead.points[0], options)
+        if before is None or first or (bead.role, bead.width) != (before.role, before.width):
+            yield f";TYPE:{CANONICAL.get(bead.role, 'Unknown')}"
+            yield f";WIDTH:{bead.width:g}"
+        yield f"G1 F{bead.feed * 60:.0f}"
+        yield from _extrude(bead)
+        at, before, top = bead.points[-1], bead, max(top, float(bead.points[:, 2].max()))
     yield from _end(options, top)
 
 
@@ -78,11 +94,11 @@ def _start(options: SliceOptions) -> Iterator[str]:
 def _travel(
     at: NDArray[np.float64] | None, to: NDArray[np.float64], options: SliceOptions
 ) -> Iterator[str]:
-    far = at is None or float(np.linalg.norm(to - at)) >= options.retract_min_travel_mm
+    far = at is None or float(np.linalg.norm((to - at)[:2])) >= options.retract_min_travel_mm
     retract = at is not None and far and options.retract_mm > 0.0
     if retract:
         yield f"G1 E-{options.retract_mm:g} F{options.retract_feed * 60:.0f}"
-    if at is None or (to != at).any():
+    if at is None or (to != at)[:2].any():
         yield f"G1 X{to[0]:.3f} Y{to[1]:.3f} F{options.travel_feed * 60:.0f}"
     if retract:
         yield f"G1 E{options.retract_mm:g} F{options.retract_feed * 60:.0f}"
@@ -96,11 +112,13 @@ def _feed(bead: Bead, options: SliceOptions) -> float:
     return options.infill_feed if bead.role is Role.INFILL else options.solid_feed
 
 
-def _extrude(points: NDArray[np.float64], per_mm: float) -> Iterator[str]:
-    filament = np.linalg.norm(np.diff(points, axis=0), axis=1) * per_mm
-    for (x, y), e in zip(points[1:].tolist(), filament.tolist(), strict=True):
+def _extrude(bead: Laid) -> Iterator[str]:
+    z = bead.points[0, 2]
+    for point, e in zip(bead.points[1:].tolist(), bead.filament.tolist(), strict=True):
+        climb = "" if point[2] == z else f" Z{point[2]:.3f}"
+        z = point[2]
         if e > 0.0:
-            yield f"G1 X{x:.3f} Y{y:.3f} E{e:.5f}"
+            yield f"G1 X{point[0]:.3f} Y{point[1]:.3f}{climb} E{e:.5f}"
 
 
 def _end(options: SliceOptions, top: float) -> Iterator[str]:

@@ -129,15 +129,16 @@ class SliceOptions:
         """Bead width in mm."""
         return self.width or _WIDTH_PER_NOZZLE * self.nozzle
 
-    def spacing(self, height: float) -> float:
-        """Return the distance of neighbouring beads of one layer, mm.
+    def spacing(self, height: float, width: float | None = None) -> float:
+        """Return the distance of neighbouring beads of one layer, of this width or ours, mm.
 
         A bead is a rectangle with half-round sides; at this distance its area
         is spacing times height, so beads side by side fill their volume.
         """
-        return self.bead_width - height * (1.0 - math.pi / 4.0)
+        wide = self.bead_width if width is None else width
+        return wide - height * (1.0 - math.pi / 4.0)
 
-    def filament_per_mm(self, height: float) -> float:
+    def filament_per_mm(self, height: float, width: float | None = None) -> float:
         """Return filament mm per mm of bead."""
-        area = height * self.spacing(height)
+        area = height * self.spacing(height, width)
         return area / (math.pi * self.filament_diameter**2 / 4.0)
