@@ -192,7 +192,7 @@ def _figures(
         **dict.fromkeys(FIGURES, ""),
         "heads": len(document.plan.heads), "head": head, "share": round(share, 3),
         "planned_s": round(result.planned_s, 1), "makespan_s": round(result.makespan_s, 1),
-        "complete": int(result.unprinted == 0), "unprinted": result.unprinted,
+        "complete": int(result.unprinted == 0 and not result.left), "unprinted": result.unprinted,
         "contacts": result.contacts, "twice": printed_twice(result.plans),
         "lost_mm": round(due - result.printed_mm, 1), "reason": result.reason,
     }  # fmt: skip
@@ -283,6 +283,8 @@ Repeat: `python benchmarks/runs.py`. Real processes: an agent and a simulated co
 zenoh between agents. While the rest is planned the print's clock runs as the world's. Medians;
 ÷ clairvoyant and ÷ waiting are of complete prints. Until heads go on: from the failure's last word
 to the first action of the new plan; meanwhile living heads carry out what every plan contains.
+Prints that are not complete end with a line for what is missing: a bead of which nobody knows how
+far it came, or what no living head can print.
 
 {failures}
 ## Over lossy networks
