@@ -216,11 +216,11 @@ def _tables(rows: Sequence[Line]) -> str:
 def _draw(rows: Sequence[Line]) -> Figure:
     settings = grouped(_lines(rows), "heads", "event")
     made, axes = figure(max(1, len(settings)), width=3.6, height=4.8)
-    for axis, ((heads, event), mine) in zip(axes, settings.items(), strict=False):
+    for axis, ((heads, event), mine) in zip(axes, sorted(settings.items()), strict=False):
         ways = grouped(mine, "way")
         boxes(axis, [column(of, "over_retimed") for of in ways.values()], [way for (way,) in ways])
         axis.axhline(1.0, color="grey", linewidth=0.8)
-        happens = "one is fenced" if event == FENCED else f"one takes {event} times as long"
+        happens = "one is fenced" if event == FENCED else f"one late: × {event}"
         axis.set(ylabel="print time ÷ retimed", title=f"{heads} heads, {happens}")
     return made
 
