@@ -23,7 +23,7 @@ TRAVEL = -2  # number of moves that print nothing: they touch nothing in the sou
 NO_LAYER = -1
 MOST_HEIGHT_MM = 1.0  # of a bead of a file, which does not say
 ROUNDING_MM = 1e-3
-_LAYER = re.compile(
+_MARKER = re.compile(
     rb"^; ?(LAYER:|LAYER_CHANGE\s|CHANGE_LAYER\s|BEGIN_LAYER|layer \d)",
     re.MULTILINE | re.IGNORECASE,
 )
@@ -105,7 +105,7 @@ def material_of_files(programs: Sequence[HeadProgram], texts: Sequence[bytes]) -
 def _lines(program: HeadProgram, text: bytes, height: float) -> Beads:
     m = len(program.feed)
     level = np.abs(np.diff(program.points[:, 2])) <= height + ROUNDING_MM
-    layer = _LAYER.search(text)
+    layer = _MARKER.search(text)
     begins = 0 if layer is None else text.count(b"\n", 0, layer.start()) + 1
     return Beads(
         np.zeros(m, np.int64), np.full(m, NO_LAYER, np.int64), np.full(m, height), np.zeros(m),

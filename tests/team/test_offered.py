@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sim.experiments.random_teams import judged
 
 from decmcts.errors import InputError
 from decmcts.search.sequence.stopping import Stopping
@@ -12,6 +11,7 @@ from decmcts.team.baselines.incumbent import Budget
 from decmcts.team.baselines.offered import TeamIncumbent
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.schedule.joint_plan import schedule
+from tests.makers.random_teams import judged
 
 
 @pytest.fixture
