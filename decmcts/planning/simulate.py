@@ -136,9 +136,7 @@ def _material(
         return None
     if plan is not None and not files:
         return material_of_plan(plan, programs)
-    texts = {each: load_text(each) for each in files}
-    placed = sorted(files, key=lambda file: header_of(texts[file])[1])
-    return material_of_files(programs, [texts[file] for file in placed])
+    return material_of_files(programs)
 
 
 def _refuse(size: float, trials: int, queue: int) -> None:

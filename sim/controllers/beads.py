@@ -7,7 +7,6 @@ comes first in the source too.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,10 +22,6 @@ TRAVEL = -2  # number of moves that print nothing: they touch nothing in the sou
 NO_LAYER = -1
 MOST_HEIGHT_MM = 1.0  # of a bead of a file, which does not say
 ROUNDING_MM = 1e-3
-_MARKER = re.compile(
-    rb"^; ?(LAYER:|LAYER_CHANGE\s|CHANGE_LAYER\s|BEGIN_LAYER|layer \d)",
-    re.MULTILINE | re.IGNORECASE,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,32 +77,24 @@ def _with_ways(number: Ints, program: HeadProgram) -> Ints:
     return found
 
 
-def material_of_files(programs: Sequence[HeadProgram], texts: Sequence[bytes]) -> Material:
+def material_of_files(programs: Sequence[HeadProgram]) -> Material:
     """Return what programs of files lay: lines, as high as the largest step between two layers.
 
     A file says neither widths nor which order is its source's, so each bead may be touched to its
     height. What rises or falls by more than that is no bead: start codes push filament into the
     air. They also wipe the nozzle on what they print; they end where the slicer's comments name the
     first layer.
-
-    Parameters
-    ----------
-    texts : of the files, in the order of the programs
     """
     heights = [program.points[1:, 2][program.prints] for program in programs]
     levels = np.unique(np.concatenate([[0.0], *heights]).round(3))
     height = min(float(np.diff(levels[levels >= 0.0]).max(initial=0.0)), MOST_HEIGHT_MM)
-    return Material(
-        tuple(_lines(*each, height) for each in zip(programs, texts, strict=True)), False
-    )
+    return Material(tuple(_lines(program, height) for program in programs), False)
 
 
-def _lines(program: HeadProgram, text: bytes, height: float) -> Beads:
+def _lines(program: HeadProgram, height: float) -> Beads:
     m = len(program.feed)
     level = np.abs(np.diff(program.points[:, 2])) <= height + ROUNDING_MM
-    layer = _MARKER.search(text)
-    begins = 0 if layer is None else text.count(b"\n", 0, layer.start()) + 1
     return Beads(
         np.zeros(m, np.int64), np.full(m, NO_LAYER, np.int64), np.full(m, height), np.zeros(m),
-        program.prints & level, program.line >= begins,
+        program.prints & level, program.line >= program.first_layer,
     )  # fmt: skip

@@ -23,6 +23,10 @@ from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops, 
 from sim.heads.file import HeadFile, read_head_file
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
+_LAYER_NAME = re.compile(
+    rb"^; ?(LAYER:|LAYER_CHANGE\s|CHANGE_LAYER\s|BEGIN_LAYER|layer \d)",
+    re.MULTILINE | re.IGNORECASE,
+)
 FIRST_FEED = 25.0  # mm/s, as Marlin's, before a file names one
 
 
@@ -78,8 +82,15 @@ def _program(file: HeadFile, machine: Machine, index: dict[int, int]) -> HeadPro
         file.name or Path(file.path).name, moves.points, moves.filament, feed,
         moves.row.astype(np.int64), tuple(limits_of(row) for row in rows), moves.rest,
         np.zeros(len(feed), np.int64), line.astype(np.int64), stops, begins, ends,
+        first_layer_of(file.lines.text),
     )  # fmt: skip
     return replace(program, action=np.cumsum(program.rests))
+
+
+def first_layer_of(text: bytes) -> int:
+    """Return the line, from 1, at which a slicer's comments name the first layer; 0: none does."""
+    name = _LAYER_NAME.search(text)
+    return 0 if name is None else text.count(b"\n", 0, name.start()) + 1
 
 
 def _in_force(feed: Floats) -> Floats:

@@ -66,6 +66,7 @@ class HeadProgram:
     stops: Stops
     begins: int = 0  # stops above which the print has not begun: start code
     ends: int | None = None  # stops above which it has: below is end code; None: there is none
+    first_layer: int = 0  # line of the file that names the first layer; 0: none does
 
     __repr__ = brief("name", "points", "stops.kind")
 

@@ -140,20 +140,21 @@ def random_print(machine: Machine, seed: int, towers: int = 8, layers: int = 3) 
     return PrintJob(f"towers {seed}", contours, ProcessSettings(travel_feed=120.0))
 
 
-def contours_of(lines: list[Floats], layer: list[int]) -> Contours:
+def contours_of(lines: list[Floats], layer: list[int], height: float = 0.4) -> Contours:
     """Return contours of these polylines, mm, each (k, 3); all else is plain."""
     n, offsets = len(lines), np.cumsum([0, *(len(line) for line in lines)]).astype(np.int64)
-    feed = np.full(int(offsets[-1]), 40.0)
+    points = np.concatenate(lines) if n else np.empty((0, 3))
+    feed = np.full(len(points), 40.0)
     feed[offsets[:-1]] = 0.0
     return Contours(
-        points=np.concatenate(lines),
+        points=points,
         offsets=offsets,
         extrusion=np.where(feed > 0, 0.1, 0.0),
         feed=feed,
         width=np.full(n, 0.5),
-        height=np.full(n, 0.4),
+        height=np.full(n, height),
         role=np.ones(n, np.int8),
-        closed=np.array([bool((line[0] == line[-1]).all()) for line in lines]),
+        closed=np.array([len(p) > 2 and bool((p[0] == p[-1]).all()) for p in lines], np.bool_),
         layer=np.array(layer, np.int32),
         tool=np.zeros(n, np.int16),
         reversible=np.ones(n, np.bool_),

@@ -14,6 +14,7 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, Rail, Slice
 from decmcts.print.plan import JointPlan
+from tests.makers.random_machines import contours_of
 
 SEPARATION = 24.0
 
@@ -42,26 +43,7 @@ def make_machine() -> Machine:
 
 def make_contours(polylines: list[np.ndarray], layers: list[int]) -> Contours:
     """Contours of these polylines; all else is plain."""
-    n = len(polylines)
-    offsets = np.cumsum([0, *(len(line) for line in polylines)]).astype(np.int64)
-    points = np.concatenate(polylines) if n else np.empty((0, 3))
-    feed = np.full(len(points), 40.0)
-    feed[offsets[:-1]] = 0.0
-    return Contours(
-        points=points,
-        offsets=offsets,
-        extrusion=np.where(feed > 0, 0.1, 0.0),
-        feed=feed,
-        width=np.full(n, 0.5),
-        height=np.full(n, 0.5),
-        role=np.ones(n, np.int8),
-        closed=np.array([len(p) > 2 and bool((p[0] == p[-1]).all()) for p in polylines], np.bool_),
-        layer=np.array(layers, np.int32),
-        tool=np.zeros(n, np.int16),
-        reversible=np.ones(n, np.bool_),
-        epoch=np.zeros(n, np.int32),
-        line=np.zeros(n, np.int32),
-    )
+    return contours_of(polylines, layers, height=0.5)
 
 
 def make_job(seed: int, towers: int = 6, layers: int = 4, reach: float = 6.0) -> PrintJob:

@@ -39,7 +39,7 @@ from decmcts.planning.running.options import (
     Show,
     unseen,
 )
-from decmcts.planning.running.parking import SAME_MM
+from decmcts.planning.running.parking import same_place
 from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.renewing import Begin, News, NotRenewed, Parking, Renewed, renew
 from decmcts.planning.running.standing import Standing, view_of
@@ -283,10 +283,10 @@ class Launcher:
     # Failures ---------------------------------------------------------------
 
     def _find_failures(self) -> None:
-        for head in self.heads:
+        for h, head in enumerate(self.heads):
             if not head.parks or not (head.controller_gone or head.agent_gone):
                 continue
-            head.parks, h = False, self.heads.index(head)
+            head.parks = False
             if self._is_parked(h):
                 last = [carried for carried in self.plans if h in carried.heads][-1]
                 self._tell_fenced(last, h)
@@ -525,7 +525,7 @@ class Launcher:
         """Tell whether a head that failed stands at its park."""
         failure = self.heads[h].failure
         at = None if failure is None else failure.at
-        return at is not None and math.dist(at, self._park(h)) < SAME_MM
+        return at is not None and same_place(at, self._park(h))
 
     # People -----------------------------------------------------------------
 

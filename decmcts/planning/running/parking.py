@@ -51,7 +51,7 @@ def parking_plan(
         for c in (document.contours, document.printed) if c is not None
     )  # fmt: skip
     places, order = {**fenced, **standing}, list[tuple[str, NDArray[np.float64]]]()
-    waiting = [name for name, at in standing.items() if not _same(at, machine.head(name).park)]
+    waiting = [name for name, at in standing.items() if not same_place(at, machine.head(name).park)]
     while waiting:
         for name in waiting:
             others = {other: at for other, at in places.items() if other != name}
@@ -69,7 +69,8 @@ def parking_plan(
     return _document(document, machine, order) if order else None
 
 
-def _same(a: Point, b: Point) -> bool:
+def same_place(a: Point, b: Point) -> bool:
+    """Tell whether two places are one, but for rounding."""
     return float(np.abs(np.subtract(a, b)).max()) < SAME_MM
 
 
@@ -82,7 +83,7 @@ def _clear_way(
         points = [at, (at[0], at[1], z)]
         points += [] if corner is None else [(*corner, z)]
         points += [(head.park[0], head.park[1], z), head.park]
-        path = np.array([points[0]] + [b for a, b in pairwise(points) if not _same(a, b)])
+        path = np.array([points[0]] + [b for a, b in pairwise(points) if not same_place(a, b)])
         moves = np.concatenate([path[:-1], path[1:]], axis=1)
         if not any(head_meets(machine, head, moves, machine.head(o), p) for o, p in others.items()):
             return path

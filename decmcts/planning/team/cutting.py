@@ -86,7 +86,7 @@ def best_sweep(
     if may.any():
         may &= ~_kept_whole(problem)
     if not may.any():
-        return whole and _with_less_travel(whole)
+        return _better(problem, whole, None)
     return _better(problem, whole, _swept(problem, seconds, may, cut))
 
 

@@ -11,6 +11,7 @@ import shapely
 
 from decmcts.print.machine import Body, Head, Machine, Slice
 from sim.controllers.beads import NO_LAYER, TRAVEL, Beads, Material, material_of_files
+from sim.controllers.from_files import first_layer_of
 from sim.controllers.print_heights import bare, lay
 from sim.controllers.program import StopKind
 from sim.controllers.simulate import simulate
@@ -126,14 +127,15 @@ def test_files_may_touch_a_bead_to_its_height():
     layer = [[0, 0, 0.2], [40, 0, 0.2], [40, 9, 0.2], [0, 9, 0.2], [0, 9, 0.4], [40, 9, 0.4]]
     down = [[40, 9, 0.4], [40, 9, 0.25], [0, 9, 0.25]]
     made = printing([*layer, *down], {0, 2, 4})
-    assert seen(made, material_of_files([made], [b""])) == ()
+    assert seen(made, material_of_files([made])) == ()
     deep = printing([*layer, [40, 9, 0.1], [0, 9, 0.1]], {0, 2, 4})
-    assert len(seen(deep, material_of_files([deep], [b""]))) == 1
+    assert len(seen(deep, material_of_files([deep]))) == 1
     air = printing([[0, 0, 9], [9, 0, 0.2], [0, 0, 0.2]], {0, 1})
-    assert seen(air, material_of_files([air], [b""])) == ()
-    begun = replace(deep, line=np.arange(1, len(deep.feed) + 1))
+    assert seen(air, material_of_files([air])) == ()
     text = b"G1 X1\n" * len(deep.feed) + b";LAYER:0\n"
-    assert seen(begun, material_of_files([begun], [text])) == ()
+    lines = np.arange(1, len(deep.feed) + 1)
+    begun = replace(deep, line=lines, first_layer=first_layer_of(text))
+    assert seen(begun, material_of_files([begun])) == ()
 
 
 def test_what_stood_there_before_is_touched_too():
