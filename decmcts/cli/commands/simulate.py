@@ -117,7 +117,7 @@ def simulate(
     report: opt.ReportOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
-    """Run files as controllers would; exit code 1 if heads touch, or the print, or get stuck."""
+    """Run files as controllers would; exit code 1 if heads touch anything, or get stuck."""
     refuse_unwritable([events, csv, picture, report], *inputs)
     refuse_other_suffixes(None, report, picture)
     for path, option in ((events, "--events"), (csv, "--csv"), (picture, "--picture")):
