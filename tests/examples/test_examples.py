@@ -44,7 +44,7 @@ def test_examples_are_there_and_small(name):
 
 def test_unknown_examples_are_named():
     """The message lists what there is, so that a typing error costs one try."""
-    with pytest.raises(FileNotFoundError, match=r"'plate'; there are .*plate\.gcode\.gz"):
+    with pytest.raises(InputError, match=r"'plate'; there are .*plate\.gcode\.gz"):
         sample_path("plate")
 
 
