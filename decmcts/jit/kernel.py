@@ -14,10 +14,9 @@ from functools import partial
 from typing import Any
 
 import numba
-from numba.core import registry, sigutils
+from numba.core import registry
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.errors import NumbaError
 
 from decmcts.jit.borrowing import borrows
 from decmcts.jit.library import compiling, compiling_kernel, hand_environments, set_attribute
@@ -31,7 +30,6 @@ Maker = Callable[[Callable[[], Any]], Any]
 
 _Dispatcher: Any = registry.CPUDispatcher  # numba has no types of its own
 _Result: Any = CompileResult
-_normalized: Any = sigutils.normalize_signature
 _lock: Any = global_compiler_lock
 _COUNTS = "_nrt"  # numba's option: whether to count who holds an array
 _reports: list[Report] = []
@@ -114,7 +112,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
             with _turn:  # a thread that is compiling a kernel waits for none on the way to it
                 pass
         with global_compiler_lock:
-            types = tuple(_normalized(signature)[0])
+            types = tuple(signature)
             known = self.overloads.get(types)
             if known is not None and (compiling() or not _only_linked(known)):
                 return known.entry_point
@@ -159,7 +157,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
         self.targetoptions[_COUNTS] = not self._borrows  # else what calls this one says
         try:
             made = super().compile(signature)
-        except NumbaError:
+        except numba.NumbaError:
             if not self._borrows:
                 raise
         else:
@@ -190,9 +188,14 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
     def _key(self, types: tuple[Any, ...]) -> tuple[str, ...]:
         """Name the machine code: the function, its types, the compiler and the processor."""
         self.targetctx.refresh()
-        machine = map(str, self.targetctx.codegen().magic_tuple())
         function = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
-        return (function, *map(str, types), numba.__version__, *machine)
+        return (function, *map(str, types), *compiler_and_processor())
+
+
+def compiler_and_processor() -> tuple[str, ...]:
+    """Return what machine code depends on besides its source."""
+    processor = registry.cpu_target.target_context.codegen().magic_tuple()
+    return (numba.__version__, *map(str, processor))
 
 
 def _only_linked(result: Any) -> bool:

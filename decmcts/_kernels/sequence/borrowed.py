@@ -12,16 +12,11 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic, overload
-from numba.np import arrayobj
 
 from decmcts._kernels.sequence.metric import Matrix, Timed, TimedBare
 
 A = TypeVar("A")
-
-_arrays: Any = arrayobj  # numba has no types of its own
-_values: Any = cgutils
 
 
 @intrinsic
@@ -29,9 +24,8 @@ def _without_count(typing_context: Any, array: Any) -> Any:
     """Copy the array's descriptor with no owner in it."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        view = _arrays.make_array(signature.return_type)(context, builder, arguments[0])
-        view.meminfo = _values.get_null_value(view.meminfo.type)
-        view.parent = _values.get_null_value(view.parent.type)
+        view = context.make_array(signature.return_type)(context, builder, arguments[0])
+        view.meminfo, view.parent = view.meminfo.type(None), view.parent.type(None)
         return view._getvalue()
 
     return array.copy(readonly=False)(array), generate

@@ -15,6 +15,7 @@ import numba
 import decmcts._kernels
 import sim.replay
 from decmcts.jit import Store, cache_folder
+from decmcts.jit.kernel import compiler_and_processor
 from decmcts.jit.store import MARK, cache_home, size_of, temporary_folder
 from decmcts.planning.options import Freedom, PlannerName, Search
 from decmcts.search.sequence.problem import OrderProblem
@@ -109,8 +110,7 @@ def _store() -> Store:
 
 
 def _mark(part: str) -> str:
-    compiler = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
-    return "|".join((part, FOLDERS[1].name, numba.__version__, *map(str, compiler)))
+    return "|".join((part, FOLDERS[1].name, *compiler_and_processor()))
 
 
 def kernels_made() -> int:
