@@ -6,8 +6,9 @@
 Prints: `towers:N` are four small towers for each of N heads on one rail, `slab` is one block that
 two heads share, `part:N` a plate with holes for N heads, `plate` ships with the project; other
 names are plates of the corpus. Every failure has a
-kind, a head and a moment drawn from its number. A person says that a head is off, and puts it to
-its park, 60 s of the print after a controller was lost, or after the rest could not be planned.
+kind, a head and a moment drawn from its number. 60 s of the print after a controller was lost, or
+after the rest could not be planned, a person says that a head is off and where it stopped. The
+person has put it to its park where no other head stood in the way.
 Clairvoyant: when the print had ended had the rest been planned at once at the moment of the
 failure, with no time for noticing and planning. Writes docs/results/runs.csv (resumable) and
 runs.md.
@@ -16,6 +17,7 @@ runs.md.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import queue
 import signal
@@ -49,7 +51,9 @@ from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.recorded import Carried, printed_twice
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
+from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
+from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_heads
 from sim.experiments.made_print import made_gcode
 
@@ -68,6 +72,7 @@ SIGNALS = {  # of which process
 }  # fmt: skip
 LOSSY = "lossy"
 PERSON_S = 60.0  # after which somebody is there
+BESIDE_MM = 80.0  # from another head, where a head is not moved past
 MOST_ASKED = 3  # times that person says where a head stands
 REPAIR_S = 1800.0  # after which a person who repairs has done so
 LOSS, DELAY_S = 0.2, 0.5
@@ -153,8 +158,47 @@ class Fault:
                 assert self.launcher is not None
                 self.refused.clear()
                 self.until(self.launcher.clock.now() + PERSON_S)
-                self.asked.put(f"fenced {self.whom} park")
+                self.asked.put(self.words())
         self.asked.put(None)
+
+    def words(self) -> str:
+        """Return what the person says: where the head stopped, and whether it was put to its park.
+
+        It stopped where it was when it failed, or, asked of later, where it was seen last.
+        """
+        launcher = self.launcher
+        assert launcher is not None
+        machine = launcher.document.machine
+        names = [head.name for head in launcher.heads]
+        places = {name: place_at(launcher, h, math.inf) for h, name in enumerate(names)}
+        failed_s = self.at_s if self.whom == self.head else math.inf
+        stopped = place_at(launcher, names.index(self.whom), failed_s)
+        park = machine.head(self.whom).park
+        low, high = sorted((stopped[0], park[0]))
+        is_free = all(
+            not low - BESIDE_MM < x < high + BESIDE_MM
+            for name, (x, _, _) in places.items() if name != self.whom
+        )  # fmt: skip
+        where = ",".join(f"{v:.3f}" for v in stopped)
+        return f"fenced {self.whom} {'park ' * is_free}{where}"
+
+
+def place_at(launcher: Launcher, h: int, time_s: float) -> Point:
+    """Return where a head is at a time by its plan and its controller's last word before it."""
+    heard = [(p, e) for p in launcher.plans if h in p.heads
+             for e in p.events if e.head == p.heads.index(h) and e.time_s <= time_s]  # fmt: skip
+    if not heard:
+        return launcher.document.machine.head(launcher.heads[h].name).park
+    carried, last = heard[-1]
+    began = [e for p, e in heard if p is carried and e.kind is EventKind.BEGAN]
+    if last.kind not in (EventKind.BEGAN, EventKind.PASSED) or time_s == math.inf or not began:
+        return last.at
+    work, path = carried.work(last.head), carried.document.plan.heads[last.head]
+    points, ends = path.action_path(last.action), work.ends(last.action)
+    times = np.concatenate([[0.0], ends])[: len(points)]
+    axes = [float(np.interp(time_s - began[-1].time_s, times, points[: len(times), axis]))
+            for axis in range(3)]  # fmt: skip
+    return axes[0], axes[1], axes[2]
 
 
 def run(key: dict[str, Any]) -> dict[str, Any]:

@@ -254,6 +254,21 @@ def rest_of_line(path: NDArray[np.float64], point: int, at: Point) -> tuple[int,
     return point, min(max(share, 0.0), 1.0)
 
 
+def nearest_on_segment(
+    a: NDArray[np.float64], b: NDArray[np.float64], at: Point
+) -> tuple[float, Point]:
+    """Return how far a place is from a segment, mm, and the point of it that is nearest.
+
+    Examples
+    --------
+    >>> nearest_on_segment(np.zeros(3), np.array([10.0, 0.0, 0.0]), (2.0, 0.5, 0.0))
+    (0.5, (2.0, 0.0, 0.0))
+    """
+    _, share = rest_of_line(np.array([a, b]), 0, at)
+    x, y, z = (a + share * (b - a)).tolist()
+    return float(np.linalg.norm(np.subtract(at, (x, y, z)))), (x, y, z)
+
+
 def length_of(path: NDArray[np.float64]) -> float:
     """Return the length of a polyline, mm."""
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(path)))

@@ -56,7 +56,10 @@ QUIET_S = 2.0  # without an event, when nobody can be asked any more
 SHOWN_S = 0.25
 WAITING = 1e-6  # pace of the clock until all heads are there
 AGENT, BUS = "its agent was lost", "it lost the bus"
-PERSON = "say `fenced {name} park` or `fenced {name} X,Y,Z` once it is sure to be off"
+PERSON = (
+    "say `fenced {name} X,Y,Z` once it is sure to be off, or `fenced {name} park X,Y,Z` if you "
+    "have put it to its park: X,Y,Z is where it had stopped"
+)
 
 
 @dataclass(slots=True)
@@ -561,11 +564,13 @@ class Launcher:
             case [("pause" | "resume" | "abort") as word, name]:
                 self._ask(self._named(name), word)
             case ["fenced", name, place]:
-                self._fenced(self._named(name), place)
+                self._fenced(self._named(name), place, place)
+            case ["fenced", name, place, stopped]:
+                self._fenced(self._named(name), place, stopped)
             case _:
                 raise InputError(
                     "unknown", advice="say pause, resume or abort, with a head or for all, or "
-                    "fenced HEAD park, or fenced HEAD X,Y,Z",
+                    "fenced HEAD park, or fenced HEAD X,Y,Z, or fenced HEAD park X,Y,Z",
                 )  # fmt: skip
 
     def _ask(self, h: int, word: str) -> None:
@@ -578,18 +583,25 @@ class Launcher:
             raise InputError(f"no head {name}", advice=f"heads are {', '.join(names)}")
         return names.index(name)
 
-    def _fenced(self, h: int, place: str) -> None:
-        """Take a person's word that a head is off, and where it stands."""
+    def _fenced(self, h: int, place: str, stopped: str) -> None:
+        """Take a person's word that a head is off, where it stands, and where it had stopped."""
         head = self.heads[h]
         if head.fenced and not self.reason:
             raise InputError(f"the rest is planned around {head.name}: leave it where it stands")
-        none = PrintState((), self._printing().document.contours.layer < 0)
-        text = f"{head.name}={place}"
-        at = fenced_places([text], self.document.machine, none, seen=False)[head.name]
+        at, stopped_at = self._place(head.name, place), self._place(head.name, stopped)
         self._fail(h, "fenced by a person")
+        begun = [carried for carried in self.plans if h in carried.heads and carried.last(h)]
+        if begun and head.failure is not None:
+            begun[-1].stop(h, stopped_at, head.failure.noticed_s)
         self._fence(h, at)
         self.moved[h] = (self.clock.now(), at)
         self.reason = ""
+
+    def _place(self, name: str, text: str) -> Point:
+        """Return a place that a person names for a head."""
+        none = PrintState((), self._printing().document.contours.layer < 0)
+        machine = self.document.machine
+        return fenced_places([f"{name}={text}"], machine, none, seen=False)[name]
 
     # The end ----------------------------------------------------------------
 

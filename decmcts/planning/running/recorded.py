@@ -6,6 +6,7 @@ controller's own words are what happened.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,13 +18,15 @@ from decmcts.print.brief import brief
 from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import ACTION_END, ActionKind, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
-from decmcts.print.print_state import HeadState, length_of, rest_of_line
+from decmcts.print.print_state import HeadState, length_of, nearest_on_segment, rest_of_line
 from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
 from sim.controllers.nearness import Course, Near, nearness
 from sim.controllers.program import Floats
 
 LEAST_WAIT_S = 0.05
+SEEN_MM = 0.5  # that a person may be wrong about where a head stopped
+BY_A_PERSON = "seen by a person"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +94,32 @@ class Carried:
             point = max(reached.point, last.point) if inside else 0
             return HeadState(name, reached.ended, reached.begun, point, last.at, last.time_s, True)
         return HeadState(name, reached.ended, reached.begun, reached.point)
+
+    def stop(self, head: int, at: Point, time_s: float) -> bool:
+        """Take a person's word where a head stopped; False where it had begun nothing there.
+
+        The nozzle is at most `SEEN_MM` from the path of the action it had begun, not behind what
+        it had passed.
+        """
+        place = self.heads.index(head)
+        actions, state = self.document.plan.heads[place], self.state(head)
+        k = state.ended
+        if state.failed or not state.begun or k >= len(actions):
+            return False
+        path = actions.action_path(k)
+        near = [
+            (*nearest_on_segment(path[i], path[i + 1], at), i)
+            for i in range(state.point, len(path) - 1)
+        ]
+        distance, spot, point = min(near, key=lambda one: one[0], default=(math.inf, at, 0))
+        if distance > SEEN_MM:
+            return False
+        last = self.last(head)
+        assert last is not None
+        when = max(time_s, last.time_s)
+        failed = PrintEvent(EventKind.FAILED, place, when, k, point, spot, what=BY_A_PERSON)
+        self.take(head, failed)
+        return True
 
     def stands(self, head: int, action: int) -> Point:
         """Return where a head stands before an action."""

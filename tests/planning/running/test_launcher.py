@@ -6,7 +6,9 @@ import queue
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from agents.launching.processes import Said as AgentSaid
 from agents.running.clock import PrintClock
@@ -19,6 +21,7 @@ from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.renewing import Begin, Parking
 from decmcts.planning.running.standing import Standing
 from decmcts.print.machine import Point
+from decmcts.print.plan import ActionKind
 from decmcts.print.print_events import EventKind, PrintEvent
 from tests.planning.replanning.conftest import Made
 
@@ -124,3 +127,43 @@ def test_nothing_is_planned_while_a_head_is_lost(desk: Desk) -> None:
     desk.launcher.heads[LEFT].controller_gone = "its controller hangs"
     desk.hold(0, 0)
     assert not desk.begun and desk.launcher._lost() == [LEFT]
+
+
+@pytest.mark.parametrize("place", ["", "park "])
+def test_a_bead_is_finished_from_where_a_person_saw_its_head_stop(
+    made: Made, desk: Desk, place: str
+) -> None:
+    """The controller is dead and cannot say it."""
+    path = _first_bead(made, desk)
+    stopped = path[0] + 0.25 * (path[1] - path[0]) + [0.1, 0.0, 0.0]
+    desk.launcher._do(f"fenced right {place}{','.join(map(str, stopped))}".split())
+    carried = desk.launcher.plans[0]
+    state = carried.state(RIGHT)
+    assert state.is_exact and state.at is not None
+    assert np.linalg.norm(np.subtract(state.at, stopped)) <= 0.11
+    assert 0.0 < carried.printed()[-1][1] < 1.0
+    failure = desk.launcher.failures[0]
+    park = made.document.machine.heads[RIGHT].park
+    assert failure.at == (park if place else pytest.approx(stopped))
+
+
+def test_how_much_of_a_bead_is_printed_is_unknown_where_its_head_was_put_elsewhere(
+    made: Made, desk: Desk
+) -> None:
+    _first_bead(made, desk)
+    desk.launcher._do(["fenced", "right", "park"])
+    assert not desk.launcher.plans[0].state(RIGHT).is_exact
+
+
+def _first_bead(made: Made, desk: Desk) -> NDArray[np.float64]:
+    """Have the right head die in its first bead; return the bead's path."""
+    actions = made.document.plan.heads[RIGHT]
+    k = int(np.flatnonzero(actions.kind == ActionKind.PRINT)[0])
+    path = actions.action_path(k)
+    for action, kind in ((j, e) for j in range(k) for e in (EventKind.BEGAN, EventKind.ENDED)):
+        at = tuple(actions.action_path(action)[-1].tolist())
+        desk.says(RIGHT, PrintEvent(kind, RIGHT, 10.0, action, 0, at))
+    desk.says(RIGHT, PrintEvent(EventKind.BEGAN, RIGHT, 10.0, k, 0, tuple(path[0].tolist())))
+    desk.launcher.heads[RIGHT].controller_gone = "its controller ended"
+    desk.launcher._step()
+    return path
