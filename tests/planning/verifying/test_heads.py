@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -82,6 +83,28 @@ def test_each_step_of_writing_is_told(planned: Planned, tmp_path: Path) -> None:
         ),
         "what the files' sync points order",
     ]
+
+
+@pytest.mark.parametrize(("dwell", "code"), [("G4 P110", 0), ("G4 P20", 1)])
+def test_signals_of_one_travel_are_judged_by_what_the_files_dwell(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], dwell: str, code: int
+) -> None:
+    """Two were too near by times that were made up for the order read from the files."""
+    paths = [Path(p) for p in write_heads(planned_of(tmp_path, TEXT, [0, 3, 1], [2, 4]),
+                                          tmp_path / "part")]  # fmt: skip
+    for path in paths:
+        text = re.sub(
+            r"G1 X150.000 Y112.000 F9000\nSYNC_PASSED N=4",
+            "G1 X150.000 Y112.000 F9000\nSYNC_PASSED N=44\nG1 X149.990 Y112.000\n"
+            f"{dwell} ; decmcts waits for cooling\nM400\nSYNC_SIGNAL N=4",
+            path.read_text(),
+        )
+        text = text.replace("SYNC_WAIT N=4\n", "SYNC_WAIT N=44\n")
+        park = "G1 Z10.000 F9000\nG1 X345"
+        path.write_text(text.replace(park, f"SYNC_WAIT N=4\n{park}"))
+    source = str(tmp_path / "in.gcode")
+    assert run(["verify", *map(str, paths), "--source", source, "--no-quality"]) == code
+    assert ("apart" in capsys.readouterr().out) is bool(code)
 
 
 def test_a_source_without_end_code_is_written(tmp_path: Path) -> None:
