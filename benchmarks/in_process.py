@@ -12,11 +12,12 @@ from functools import lru_cache
 
 from common import print_path
 
-from decmcts.planning.one_head.pipeline import search_order
+from decmcts.planning.compiling.begin import compile_search
 from decmcts.planning.options import NO_QUALITY, Freedom, PlannerName, ProcessOrder, Search
 from decmcts.planning.problem.print_problem import PrintProblem, load
-from decmcts.search.planners import SearchResult
+from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.sequence.planner import Planner
+from decmcts.search.sequence.stopping import Stopping
 
 
 @lru_cache(maxsize=1)
@@ -49,7 +50,12 @@ def searched(
 ) -> tuple[PrintProblem, SearchResult]:
     """Search as `decmcts plan` does; compiling and reading are off the clock."""
     prepared = freed(loaded(model, machine, process), freedom)
-    return prepared, search_order(prepared, Search(limit_s, seed, named(planner)), clock=clock)
+    search = Search(limit_s, seed, named(planner))
+    problem = prepared.for_one_head(search.objective)
+    compile_search(problem, search.planner)
+    stopping = Stopping(search.time_limit_s)
+    found = plan_order(problem, planner=search.planner, seed=seed, clock=clock, stopping=stopping)
+    return prepared, found
 
 
 def less_percent(result: SearchResult) -> float:

@@ -30,11 +30,17 @@ from decmcts.planning.writing.file_times import source_time
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.planners import SearchResult, plan_order, toolpath_cost
+from decmcts.search.planners import SearchResult, toolpath_cost
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
-from decmcts.team.schedule.cooling import find_lags, print_times, source_times, timed_lags_of
+from decmcts.team.schedule.cooling import (
+    cooled,
+    find_lags,
+    print_times,
+    source_times,
+    timed_lags_of,
+)
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
 
@@ -134,20 +140,22 @@ class _OwnOrder:
             self.report(Note(said))
 
 
-def search_order(
-    problem: PrintProblem,
-    search: Search,
-    *,
-    stop: Stop = never,
-    clock: Callable[[], float] = time.monotonic,
-) -> SearchResult:
-    """Find an order for one head; never worse than the source in what it minimises."""
-    order_problem = problem.for_one_head(search.objective)
-    compile_search(order_problem, search.planner, stop)
-    return plan_order(
-        order_problem, planner=search.planner, seed=search.seed, clock=clock,
-        stopping=Stopping(search.time_limit_s, search.max_iterations, stop),
-    )  # fmt: skip
+def search_alone(
+    problem: PrintProblem, search: Search, before: PlanDocument, *, stop: Stop = never
+) -> tuple[Lags, Toolpath]:
+    """Return the lags that cooling demands, and the order that `search` finds for one head.
+
+    `before` is the plan of the source's own order. The order lets spots cool as long as the lags
+    say, or waits little for it.
+    """
+    given = problem.for_one_head(search.objective)
+    lags, estimated, timed_lags = _lags(problem, before)
+    order = OrderSearch(problem, given, estimated, timed_lags, search, unheard)
+    compile_search(given, search.planner, stop)
+    order.compile_cooling()
+    stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
+    found = order.search(search.planner, stopping).toolpath
+    return lags, cooled(problem.job, problem.machine, problem.graph, lags, found).toolpath
 
 
 def plan_judged(

@@ -25,8 +25,8 @@ from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.planning.compiling.child import finish_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Begun, Heads, Note, Report, Sound, Step, Stop, never, unheard
-from decmcts.planning.one_head.pipeline import search_order
-from decmcts.planning.options import Cut, PlannerName, Search, TeamSearch
+from decmcts.planning.one_head.pipeline import search_alone
+from decmcts.planning.options import Cut, Objective, PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
@@ -47,7 +47,7 @@ from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.placing import place_that_fits
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import able_heads
-from decmcts.team.schedule.cooling import cooled, find_lags, print_times
+from decmcts.team.schedule.cooling import find_lags, print_times
 from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
 from decmcts.team.schedule.leaning import lean
 from sim.faults import Verdict
@@ -232,12 +232,10 @@ def _bound(problem: PrintProblem, entries: SeamEntries | None) -> Future[Bound]:
 def _lone_order(
     problem: PrintProblem, search: TeamSearch, before: PlanDocument, stop: Stop
 ) -> tuple[Lags, Toolpath]:
-    """Return the lags, and an order for one head in which it waits less for cooling."""
-    lags = lags_of(problem, before)
+    """Return the lags that cooling demands, and an order in which one head ends soon."""
     limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
-    local = Search(limit_s, search.seed, PlannerName.LOCAL, search.objective)
-    found = search_order(problem, local, stop=stop).toolpath
-    return lags, cooled(problem.job, problem.machine, problem.graph, lags, found).toolpath
+    local = Search(limit_s, search.seed, PlannerName.LOCAL, Objective.TIME)
+    return search_alone(problem, local, before, stop=stop)
 
 
 def with_note(problem: PrintProblem, note: str | None) -> PrintProblem:

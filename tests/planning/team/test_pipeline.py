@@ -28,6 +28,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.samples import sample_path
 from sim.verify import verify_plan
 from tests.planning.conftest import Agents
+from tests.planning.one_head.test_cooling import towers
 
 SEARCH = TeamSearch(0.5)
 
@@ -211,3 +212,13 @@ def test_one_head_alone_may_enter_loops_as_sliced(tmp_path: Path) -> None:
     found = plan_alone(ShutIn(ready), [0, 1])  # type: ignore[arg-type]  # is one in all it has
     assert not any(head.entry.any() for head in found.plan.heads)
     assert not verify_plan(found).faults
+
+
+def test_one_head_alone_is_as_good_as_a_plan_for_one_head(tmp_path: Path) -> None:
+    """Its order was searched without regard to cooling and waited: heads seemed to gain by that."""
+    path, rule = tmp_path / "towers.gcode", "; cooling = 1\n; slowdown_below_layer_time = 30\n"
+    path.write_text(towers(tuple((x, y) for x in (30, 90, 150, 200) for y in (30, 90, 150)), rule))
+    problem = load(path, "dual-gantry")
+    ready = prepared(problem, TeamSearch(3.0), writes=False)
+    found = plan_alone(ready, [0, 1])
+    assert found.metrics["makespan_s"] <= ready.before.plan.makespan_s
