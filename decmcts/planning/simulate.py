@@ -26,7 +26,7 @@ from sim.controllers.from_files import programs_of_files
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.motion import QUEUE
 from sim.controllers.program import HeadProgram
-from sim.controllers.simulate import Simulation
+from sim.controllers.simulate import Simulation, Trial
 from sim.controllers.simulate import simulate as run
 from sim.controllers.timing import Timing
 from sim.heads.file import header_of
@@ -114,8 +114,8 @@ def simulate(
     compiled = Path(cache_folder(Path(sim.controllers.__file__).parent)).exists()
     report(Step("running" if compiled else "running, which the first time compiles for a minute"))
 
-    def told(done: int, of: int) -> None:
-        report(Step("running with errors of time", done, of))
+    def told(trials: Sequence[Trial], of: int) -> None:
+        report(Step(f"running with errors of time{so_far(trials)}", len(trials), of))
 
     judged = plan if plan is not None and not files and plan.min_layer_time_s > 0.0 else None
     material = _material(plan, files, programs, chosen)
@@ -125,6 +125,14 @@ def simulate(
         material=material,
     )  # fmt: skip
     return Simulated(found, chosen, plan, judged is not None, material is not None)
+
+
+def so_far(trials: Sequence[Trial]) -> str:
+    """Return in words how near heads have come, and what was touched."""
+    gaps = [near.gap_mm for trial in trials for near in trial.near]
+    touched = sum(len(trial.contacts) + len(trial.on_print) for trial in trials)
+    nearest = f"heads {min(gaps):.1f} mm apart at least, " if gaps else ""
+    return f": {nearest}{touched} contacts so far"
 
 
 def _material(

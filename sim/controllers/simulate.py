@@ -113,7 +113,7 @@ class Simulation:
 def simulate(
     programs: Sequence[HeadProgram], machine: Machine, *, timing: Timing = Timing.NONE,
     size: float = 0.2, trials: int = 1, seed: int = 0, queue: int = QUEUE,
-    told: Callable[[int, int], None] = lambda _done, _of: None,
+    told: Callable[[Sequence[Trial], int], None] = lambda _trials, _of: None,
     too_soon: Callable[[Run], tuple[TooSoon, ...]] = lambda _run: (),
     material: Material | None = None,
 ) -> Simulation:  # fmt: skip
@@ -128,7 +128,8 @@ def simulate(
     queue : int
         Moves that a controller plans ahead.
     told : Callable
-        Called with how many trials are done, and of how many; 0: not known.
+        Called before each trial with errors of time: with the trials that were run, and of how
+        many with errors it is one; 0: not known.
     too_soon : callable
         Returns what a run prints over before it is cool.
     material : Material | None
@@ -157,8 +158,8 @@ def simulate(
     found = [trial("no error", errors, nominal)]
     drawn = _errors(programs, nominal, machine, heads, timing, size, trials, seed)
     expected = trials if timing not in (Timing.NONE, Timing.ADVERSARIAL) else 0
-    for n, (name, errors) in enumerate(drawn, 1):
-        told(n, expected)
+    for name, errors in drawn:
+        told(found, expected)
         found.append(trial(name, errors, carry_out(programs, seconds, errors, rest_s)))
     begin, end, waits = (
         _begin(programs, nominal),

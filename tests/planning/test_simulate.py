@@ -13,7 +13,7 @@ import pytest
 from agents.messages.event_stream import read_events, stream_of
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
-from decmcts.planning.events import unheard
+from decmcts.planning.events import Step, unheard
 from decmcts.planning.options import Cut, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import problem_of
 from decmcts.planning.read import read
@@ -71,6 +71,18 @@ def test_no_error_of_time_makes_heads_touch(made, timing):
     found = simulate([plan, *files], timing=timing, size=0.5, trials=20).simulation
     assert found.safe
     assert min(trial.near[0].rail_mm for trial in found.trials) > -1e-3
+
+
+def test_how_near_heads_have_come_is_told_meanwhile(made):
+    """Many trials of a large print take minutes."""
+    said: list[str] = []
+    found = simulate(
+        [made[0]], timing=Timing.UNIFORM, trials=3,
+        report=lambda event: said.append(event.text) if isinstance(event, Step) else None,
+    ).simulation  # fmt: skip
+    first = min(near.gap_mm for near in found.trials[0].near)
+    lines = [text for text in said if "contacts so far" in text]
+    assert len(lines) == 3 and f"heads {first:.1f} mm apart at least, 0 contacts" in lines[0]
 
 
 def test_what_errors_of_time_leave_no_time_to_cool_is_counted(made, tmp_path):
