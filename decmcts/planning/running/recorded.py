@@ -26,6 +26,7 @@ from sim.controllers.program import Floats
 
 LEAST_WAIT_S = 0.05
 SEEN_MM = 0.5  # that a person may be wrong about where a head stopped
+LEAST_MM = 1e-9  # of a move
 BY_A_PERSON = "seen by a person"
 
 
@@ -211,7 +212,7 @@ def _moved(work: Work, action: int, begin_s: float, end_s: float) -> tuple[Float
     points = work.program.points[rows.start : rows.stop + 1]
     its: Profile = work.profile
     due = its.seconds[rows]
-    slow = (end_s - begin_s) / max(float(due.sum()), 1e-12)
+    slow = max((end_s - begin_s) / max(float(due.sum()), 1e-12), 1e-9)
     ends = begin_s + np.cumsum(due) * slow
     columns = [
         ends - due * slow, ends, its.length[rows], its.enters[rows], its.leaves[rows],
@@ -226,7 +227,7 @@ def _broken(
     """Return the moves of an action up to where the head stopped."""
     points = np.concatenate([points[: point + 1], [at]])
     begin_s = float(columns[1, point - 1]) if point else float(columns[0, 0])
-    length = float(np.linalg.norm(points[-1] - points[-2]))
+    length = max(float(np.linalg.norm(points[-1] - points[-2])), LEAST_MM)
     speed = length / max(end_s - begin_s, 1e-6)
     last = [begin_s, max(end_s, begin_s + 1e-6), length, speed, speed, speed, 1e6, 1.0]
     return points, np.concatenate([columns[:, :point], np.array([last]).T], axis=1)

@@ -18,6 +18,7 @@ from decmcts.planning.running import launcher as module
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
+from decmcts.planning.running.recorded import nearest
 from decmcts.planning.running.renewing import Begin, Parking
 from decmcts.planning.running.standing import Standing
 from decmcts.print.machine import Point
@@ -145,6 +146,17 @@ def test_a_bead_is_finished_from_where_a_person_saw_its_head_stop(
     failure = desk.launcher.failures[0]
     park = made.document.machine.heads[RIGHT].park
     assert failure.at == (park if place else pytest.approx(stopped))
+
+
+@pytest.mark.parametrize("corner", [0, 1])
+def test_a_head_may_have_stopped_right_at_a_corner(made: Made, desk: Desk, corner: int) -> None:
+    """No way is left behind the last point that was passed: speeds were divided by it."""
+    path = _first_bead(made, desk)
+    desk.launcher._do(["fenced", "right", ",".join(map(str, path[corner]))])
+    names = [head.name for head in desk.launcher.heads]
+    machine, plans = made.document.machine, desk.launcher.plans
+    for near in nearest(machine, names, plans, desk.launcher.moved, 100.0):
+        assert np.isfinite(near.gap_mm)
 
 
 def test_how_much_of_a_bead_is_printed_is_unknown_where_its_head_was_put_elsewhere(
