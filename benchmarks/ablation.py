@@ -1,7 +1,7 @@
 """What each part of `hybrid` is worth: without it, and alone, at equal time.
 
     python benchmarks/ablation.py [--seeds 0,1,2] [--time-limit 10]
-    python benchmarks/ablation.py --time-limit 60 --variants hybrid,twin,trees
+    python benchmarks/ablation.py --time-limit 60 --variants hybrid,twin,no-partition
 
 One part is left out at a time. A twin is `hybrid` with another seed: what it differs by
 is noise. `bare` is annealing of whole sequences on two threads, nothing else; on top of
@@ -32,13 +32,11 @@ from effects import Effect, against_twins, told
 from in_process import less_percent, loaded, searched
 
 from decmcts.search.decomposition.blocks import Sequence
-from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
 from decmcts.search.hybrid.partition import Partition
-from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.hybrid.starts import LayeredStart
-from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.annealing import DESCENT_FROM
 from decmcts.search.sequence.planner import Planner
 
@@ -95,7 +93,6 @@ VARIANTS = {
     "hybrid": Variant("`hybrid`", HYBRID),
     "twin": Variant("its twin", HYBRID),
     "no-exact": Variant("without exact solutions", replace(HYBRID, exact=NO_EXACT)),
-    "trees": Variant("with trees: `hybrid-mcts`", "hybrid-mcts"),
     "no-multistart": Variant(
         "without several starts: a partition", replace(HYBRID, multistart=NEVER), started
     ),
@@ -128,7 +125,6 @@ VARIANTS = {
     "local": Variant("`local`", "local"),
     "bare": Variant("bare", BARE),
     "bare-exact": Variant("bare, exact solutions", replace(BARE, exact=HYBRID.exact)),
-    "bare-trees": Variant("bare, trees", replace(BARE, trees=Trees())),
     "bare-partition": Variant("bare, partition", replace(BARE, multistart=NEVER, partition=ALONE)),
     "bare-neighbourhoods": Variant(
         "bare, neighbourhoods", replace(BARE_SEARCHED, neighbourhoods=Neighbourhoods(windows=0.0))

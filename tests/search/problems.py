@@ -7,9 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from decmcts._kernels.sequence.moves import Tour
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.walls import _gridded
+from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping
 
@@ -30,6 +33,13 @@ def random_problem(
 def started(problem: OrderProblem) -> Incumbent:
     """The source's own order, where no search has begun."""
     return Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(seconds=1.0))
+
+
+def sliced_tour(problem: OrderProblem, group: np.ndarray | None = None) -> Tour:
+    """The source's own order, for moves that stay within equal `group`."""
+    sequence = Sequence.best_of(started(problem), near_ports(problem))
+    block = cut(sequence, 0, len(problem))
+    return (block if group is None else block.within(group)).tour
 
 
 def with_loops(problem: OrderProblem, seed: int) -> OrderProblem:

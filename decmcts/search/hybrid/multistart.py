@@ -1,9 +1,8 @@
 """Several starts (multistart): whole sequences, one a thread, from unlike beginnings.
 
 How good the result of annealing is depends on the start, and no start is best for all
-prints. In each round the first thread begins with the best sequence so far, or with the
-one that a tree search proposes, if there is one. The other threads do not, since their
-results would be like that of the first. They begin:
+prints. In each round the first thread begins with the best sequence so far. The other threads
+do not, since their results would be like that of the first. They begin:
 
 - where there is no layered start, with the best of the first starts, by turns at a high
   temperature (`hot`) and at a lower one that keeps some of its structure (`mild`);
@@ -28,7 +27,7 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_sequences
 from decmcts.search.hybrid.search import Search
 from decmcts.search.sequence.annealing import TemperatureSchedule
-from decmcts.search.starts.layerwise import layer_runs
+from decmcts.search.starts.greedy import layer_runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +71,6 @@ class Multistart:
                 other.copy() if layered_won else best,
                 *(other.copy() for _ in threads.states[1:]),
             ]
-            if number in (0, rounds // 2) and not layered_won:
-                yield from search.propose(sequences[0])
             until = began + length * (number + 1)
             hot = self._first_temperatures(number, layered is not None, layered_won, len(sequences))
             groups = _groups(layers, layered is not None, layered_won, len(sequences))

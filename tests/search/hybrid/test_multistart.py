@@ -16,7 +16,6 @@ from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart
-from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
@@ -83,7 +82,7 @@ def search_of(problem: OrderProblem, iterations: int) -> Iterator[Search]:
     stopping = Stopping(iterations=iterations)
     incumbent = Incumbent(problem, clock=lambda: 0.0, stopping=stopping)
     with open_threads(2, 0) as threads:
-        yield Search(incumbent, threads, Trees())
+        yield Search(incumbent, threads)
 
 
 @pytest.mark.parametrize(("at_most", "steps", "several"), [(100, 400, True), (100, 100, False),

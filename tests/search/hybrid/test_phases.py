@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.multistart import Multistart
-from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.hybrid.search import Phase, Search
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.sequence.problem import OrderProblem

@@ -23,14 +23,12 @@ from decmcts._kernels.sequence.moves import (
     swap_allowed,
 )
 from decmcts._kernels.sequence.tour import respects, tour_cost
-from decmcts.search.sequence.annealing import tour_of
-from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace
-from tests.search.problems import price, random_problem, started, with_bare
+from tests.search.problems import price, random_problem, sliced_tour, with_bare
 
 
 def fresh_tour(problem: OrderProblem, group: np.ndarray | None = None) -> Tour:
-    return tour_of(started(problem), near_ports(problem), group)
+    return sliced_tour(problem, group)
 
 
 @pytest.mark.parametrize("temperature", [0.01, 1.0, 100.0])
