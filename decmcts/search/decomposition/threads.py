@@ -4,7 +4,7 @@ Whole sequences are each offered to the incumbent. Blocks are parts of one seque
 every step of every thread improves the same one, but nothing moves across a cut between
 blocks. No move is ruled out for long: cuts are placed anew all the time, and in every other
 turn each thread has the whole sequence in place of blocks, and their results are crossed
-(`decmcts.search.decomposition.crossover`).
+(`decmcts.search.decomposition.blocks.crossover`).
 
 Each thread has a generator of its own, and results are put together in a fixed order. So
 equal seeds and equal iterations give equal sequences, whichever thread is faster.
@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import seeded, uniform
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.descent import descend
-from decmcts.search.decomposition.blocks import Block, Sequence, cut
-from decmcts.search.decomposition.crossover import crossover
+from decmcts.search.decomposition.blocks import Block, Sequence, crossover, cut
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping, next_chunk

@@ -11,8 +11,8 @@ do not, since their results would be like that of the first. They begin:
   and the first begins at the lower temperature.
 
 After each round the results of all rounds so far are crossed (partition crossover,
-`decmcts.search.decomposition.crossover`). Where layers follow each other strictly this takes the
-best result of each layer.
+`decmcts.search.decomposition.blocks.crossover`). Where layers follow each other strictly this
+takes the best result of each layer.
 """
 
 from __future__ import annotations

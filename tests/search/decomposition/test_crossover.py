@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.decomposition.blocks import Sequence
-from decmcts.search.decomposition.crossover import crossover
+from decmcts.search.decomposition.blocks import Sequence, crossover
 from tests.search.decomposition.test_contraction import found, varied
 
 CASES = [0, 1, 2, 3, 4, 5, 6, 7]  # points, loops, seconds, bare costs, twice; see `varied`
