@@ -33,7 +33,6 @@ from in_process import less_percent, loaded, searched
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.hybrid.multistart import Multistart
-from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.hybrid.starts import LayeredStart
@@ -50,7 +49,7 @@ TWIN = 1000  # added to its seed
 HYBRID = Hybrid()
 SEVERAL, NEVER = HYBRID.multistart, Multistart(always=0, at_most=0)
 NO_EXACT, NO_LAYERS = Exact(share=0.0), LayeredStart(most_cost=0.0)
-ALONE = Partition(for_neighbourhoods=math.inf, for_windows=math.inf)
+ALONE = Partition(for_windows=math.inf)
 BARE = Hybrid(
     exact=NO_EXACT,
     layered=NO_LAYERS,
@@ -104,17 +103,9 @@ VARIANTS = {
     "no-pieces": Variant(
         "partition without pieces", replace(HYBRID, partition=Partition(blocks=(0, 0))), parted
     ),
-    "no-neighbourhoods": Variant(
-        "without neighbourhoods and windows",
-        replace(HYBRID, multistart=Multistart(until=DESCENT_FROM), partition=ALONE),
-    ),
     "no-windows": Variant(
         "without windows",
-        replace(
-            HYBRID,
-            neighbourhoods=Neighbourhoods(windows=0.0),
-            partition=Partition(for_windows=math.inf),
-        ),
+        replace(HYBRID, multistart=Multistart(until=DESCENT_FROM), partition=ALONE),
     ),
     "no-crossover": Variant("without crossover", replace(HYBRID, crosses=False)),
     "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_LAYERS), layered),
@@ -126,10 +117,7 @@ VARIANTS = {
     "bare": Variant("bare", BARE),
     "bare-exact": Variant("bare, exact solutions", replace(BARE, exact=HYBRID.exact)),
     "bare-partition": Variant("bare, partition", replace(BARE, multistart=NEVER, partition=ALONE)),
-    "bare-neighbourhoods": Variant(
-        "bare, neighbourhoods", replace(BARE_SEARCHED, neighbourhoods=Neighbourhoods(windows=0.0))
-    ),
-    "bare-windows": Variant("bare, neighbourhoods and windows", BARE_SEARCHED),
+    "bare-windows": Variant("bare, windows", BARE_SEARCHED),
     "bare-crossover": Variant("bare, crossover", replace(BARE, crosses=True)),
     "bare-layers": Variant("bare, layered starts", replace(BARE, layered=HYBRID.layered)),
 }

@@ -14,14 +14,14 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.descent import descend
 from decmcts._kernels.sequence.entries import choose_visits, slide_entries, visits_cost
-from decmcts._kernels.sequence.tour import respects, tour_cost
+from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping
-from tests.search.problems import random_problem, sliced_tour
+from tests.search.problems import random_problem, sliced_tour, tour_cost
 
 
 def loops(seed: int, n: int, *, most: int = 9, density: float = 0.1) -> OrderProblem:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.sequence.block import block_edges, block_ports
 from decmcts._kernels.sequence.crossover import crossed
 from decmcts._kernels.sequence.entries import use_entries, visits_cost
-from decmcts._kernels.sequence.metric import Metric, points_of, restricted, with_points
+from decmcts._kernels.sequence.metric import Metric, points_of, with_points
 from decmcts._kernels.sequence.moves import Tour, refresh
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
@@ -218,8 +218,8 @@ def _block_seams(
     rows = np.stack([2 * ids, 2 * ids + 1], axis=1).ravel().astype(np.int64)
     none = np.empty(0, np.int32)
     if seams is None:
-        metric, entry_id = restricted(sequence.metric, ids), np.full(k, -1, np.int32)
-        empty = np.empty(0, np.int64)
+        metric = with_points(sequence.metric, points_of(sequence.metric)[rows])
+        empty, entry_id = np.empty(0, np.int64), np.full(k, -1, np.int32)
         return _BlockSeams(metric, empty, np.zeros(k + 1, np.int64), none, none, rows, entry_id)
     n, counts, old = len(sequence.order), np.diff(seams.offsets)[ids], sequence.entry_id[ids]
     counts[: guards[0]] = counts[k - guards[1] :] = 0

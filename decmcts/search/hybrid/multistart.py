@@ -37,7 +37,7 @@ class Multistart:
     always: int = 1000  # contours up to which several starts beat a partition of one sequence,
     at_most: int = 6000  # or up to this many,
     least: float = 3_000.0  # if a thread has time for so many steps for each
-    until: float = 0.65  # share at which they end
+    until: float = 0.85  # share at which they end
     steps: float = 3000.0  # of a thread in a round, for each contour and entry
     most: int = 8  # rounds
     hot: float = 1.5

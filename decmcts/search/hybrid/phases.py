@@ -2,11 +2,10 @@
 
 Prints whose layers have few contours are solved exactly, if there is time.
 Else what follows depends on size and time: several starts annealed as whole sequences
-(`multistart`) and then a large neighbourhood search (`neighbourhoods`); or blocks of one
-sequence shared out among the threads (`partition`), and then neighbourhoods, or windows
-put in their best order (`windows`). Last comes a descent. Where a problem has time lags,
-annealing takes the place of all that: the other phases do not look at when a contour is
-printed, so they would break lags.
+(`multistart`), or blocks of one sequence shared out among the threads (`partition`); and
+then windows put in their best order (`windows`). Last comes a descent. Where a problem has
+time lags, annealing takes the place of all that: the other phases do not look at when a
+contour is printed, so they would break lags.
 
 References
 ----------
@@ -21,7 +20,6 @@ from dataclasses import dataclass, field
 from decmcts.search.bounds.exact import WIDEST, Patience, solve_exactly
 from decmcts.search.decomposition.threads import anneal_rounds, descend_fully, open_threads
 from decmcts.search.hybrid.multistart import Multistart
-from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.search import Phase, Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
@@ -100,7 +98,6 @@ class Hybrid:
     layered: LayeredStart = field(default_factory=LayeredStart)
     multistart: Multistart = field(default_factory=Multistart)
     partition: Partition = field(default_factory=Partition)
-    neighbourhoods: Neighbourhoods = field(default_factory=Neighbourhoods)
     windows: Windows = field(default_factory=Windows)
     descent: Descent = field(default_factory=Descent)
     lagged: Lagged = field(default_factory=Lagged)  # where there are time lags
@@ -137,11 +134,9 @@ class Hybrid:
         yield self.layered
         if self.multistart.suits(search):
             yield self.multistart
-            yield self.neighbourhoods
+            yield self.windows
         else:
             yield self.partition
-            if self.partition.affords_neighbourhoods(search):
-                yield self.neighbourhoods
-            elif self.partition.affords_windows(search):
+            if self.partition.affords_windows(search):
                 yield self.windows
         yield self.descent

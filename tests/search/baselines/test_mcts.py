@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.tour import longest_hop, respects, tour_cost
+from decmcts._kernels.sequence.tour import longest_hop, respects
 from decmcts._kernels.trees.clusters import (
     NO_NODE,
     ROOT,
@@ -21,7 +21,7 @@ from decmcts._kernels.trees.clusters import (
     with_room,
 )
 from decmcts.search.baselines.mcts import clustered_problem, fresh_rollout
-from tests.search.problems import random_problem
+from tests.search.problems import random_problem, tour_cost
 
 
 @given(

@@ -71,7 +71,7 @@ def test_stays_within_layers_once_that_is_ahead(
     most = planner.multistart.most
     assert rounds == [[False, True], *[[ahead, True]] * (most - 1)]
     assert heats == [heats[0]] * most  # the best is better by then, but no cooler
-    pools = pools[: 2 * most]  # then come neighbourhoods
+    pools = pools[: 2 * most]  # then come windows
     assert pools[::2] == [1 + 2 * (number + 1) for number in range(most)]
     assert pools[1::2] == [2 + (2 if ahead else 1) * number for number in range(most)]
 

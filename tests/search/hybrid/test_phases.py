@@ -79,7 +79,7 @@ def test_phases_follow_one_another_and_the_first_that_ends_the_search_is_the_las
 @pytest.mark.parametrize(
     ("always", "expected"),
     [
-        (1000, "Starts Exact LayeredStart Multistart Neighbourhoods Descent"),
+        (1000, "Starts Exact LayeredStart Multistart Windows Descent"),
         (1, "Starts Exact LayeredStart Partition Descent"),
     ],
 )

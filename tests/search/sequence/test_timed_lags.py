@@ -22,14 +22,14 @@ from decmcts._kernels.sequence.moves import (
     reversal_allowed,
     swap_allowed,
 )
-from decmcts._kernels.sequence.tour import respects, tour_cost
+from decmcts._kernels.sequence.tour import respects
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import KEEP_LAGS, PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
-from tests.search.problems import random_problem, sliced_tour, started, with_loops
+from tests.search.problems import random_problem, sliced_tour, started, tour_cost, with_loops
 
 
 def problem_with_lags(seed: int, n: int, *, density: float, longest: float = 6.0) -> OrderProblem:
