@@ -1,1 +1,1 @@
-"""A sequence, whole or in blocks and contracted runs, annealed on threads and put together."""
+"""A sequence, whole or in blocks, annealed on threads and put together."""
