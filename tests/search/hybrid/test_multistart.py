@@ -103,7 +103,7 @@ def test_entries_of_loops_make_rounds_longer(loops: bool, expected: int) -> None
     One long annealing ended 2 % lower on a real print with seams than six short ones.
     """
     problem = random_problem(5, 60, density=0.05)
-    with search_of(with_loops(problem, 5) if loops else problem, 70_000) as search:
+    with search_of(with_loops(problem, 5) if loops else problem, 53_500) as search:
         assert Multistart(steps=100.0).rounds(search) == expected
 
 
