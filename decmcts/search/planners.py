@@ -20,11 +20,11 @@ from decmcts.search.baselines.local import Layerwise, Local
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.meanwhile import Meanwhile
+from decmcts.search.sequence.greedy import Greedy
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
-from decmcts.search.starts.greedy import Greedy
 
 
 @dataclass(frozen=True, slots=True)

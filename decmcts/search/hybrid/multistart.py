@@ -27,7 +27,7 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_sequences
 from decmcts.search.hybrid.search import Search
 from decmcts.search.sequence.annealing import TemperatureSchedule
-from decmcts.search.starts.greedy import layer_runs
+from decmcts.search.sequence.greedy import layer_runs
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_blocks, anneal_sequences
 from decmcts.search.hybrid.search import Search
 from decmcts.search.sequence.annealing import DESCENT_FROM, TemperatureSchedule
-from decmcts.search.starts.greedy import layer_runs
+from decmcts.search.sequence.greedy import layer_runs
 
 
 @dataclass(frozen=True, slots=True)

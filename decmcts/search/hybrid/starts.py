@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decmcts.search.hybrid.search import Search
-from decmcts.search.starts.greedy import Greedy, layer_runs, nearest_in_layers
+from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
+from decmcts.search.sequence.greedy import layer_runs
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.starts.greedy import layer_runs
 from tests.search.problems import random_problem, started, with_loops
 
 
