@@ -134,12 +134,15 @@ def test_every_planner_leaves_time(planner: str) -> None:
     assert keeps(problem, result.toolpath.order)
     assert result.cost < result.source_cost or planner not in KEEP_LAGS
     assert result.cost <= result.source_cost
-    free = plan_order(
-        replace(problem, timed_lags=None), planner=planner, seed=2,
-        stopping=Stopping(iterations=20_000),
-    )  # fmt: skip
-    if planner != "slicer":
-        assert not keeps(problem, free.toolpath.order)
+    if planner != "slicer":  # without lags some search ends in an order that breaks them
+        free = [
+            plan_order(
+                replace(problem, timed_lags=None), planner=planner, seed=seed,
+                stopping=Stopping(iterations=20_000),
+            ).toolpath.order
+            for seed in range(4)
+        ]  # fmt: skip
+        assert not all(keeps(problem, order) for order in free)
 
 
 @pytest.mark.parametrize("seed", range(6))
