@@ -7,8 +7,7 @@ Machines for rent are shared: seconds on the wall in which a neighbour had the
 processor would be lost to one planner and not to the next. Here a search's seconds
 are the processor time of the main thread and of its busiest thread, and half of what
 threads outside Python took (two work there). Threads that wait for each other are
-not charged for the waiting: nearly nothing in most of a search, up to a fifth of
-the time spent on neighbourhoods at a minute and more.
+not charged for the waiting, which is nearly nothing in most of a search.
 """
 
 from __future__ import annotations

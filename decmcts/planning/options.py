@@ -47,7 +47,6 @@ class PlannerName(StrEnum):
     LOCAL = "local"
     MCTS = "mcts"
     HYBRID = "hybrid"
-    HYBRID_MCTS = "hybrid-mcts"
 
 
 class Objective(StrEnum):

@@ -16,18 +16,25 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.sequence.entries import visits_cost
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.baselines.local import Local
+from decmcts.search.baselines.local import Layerwise, Local
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.trees import Trees
 from decmcts.search.meanwhile import Meanwhile
+from decmcts.search.sequence.greedy import Greedy
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
-from decmcts.search.starts.greedy import Greedy
-from decmcts.search.starts.layerwise import Layerwise
-from decmcts.search.starts.slicer import Slicer
+
+
+@dataclass(frozen=True, slots=True)
+class Slicer:
+    """Leaves everything as it was sliced."""
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Do nothing: the incumbent starts as the source."""
+        incumbent.tick()
+
 
 PLANNERS: Mapping[str, Planner] = MappingProxyType(
     {
@@ -37,11 +44,10 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
         "local": Local(),
         "mcts": Mcts(),
         "hybrid": Hybrid(),
-        "hybrid-mcts": Hybrid(trees=Trees()),
     }
 )
 
-KEEP_LAGS = ("layerwise", "local", "hybrid", "hybrid-mcts")
+KEEP_LAGS = ("layerwise", "local", "hybrid")
 """Planners that find orders which keep a problem's time lags."""
 
 

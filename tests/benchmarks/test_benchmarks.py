@@ -40,7 +40,7 @@ SMALLEST = {  # script: (options, rows, files)
     ),
     "scale": ([*ONE, "--stop-at", "0.1"], 1, ("scale.md", "scale.png")),
     "ablation": (
-        [*ONE, "--settings", "paper-reversible", "--variants", "hybrid,twin,trees"],
+        [*ONE, "--settings", "paper-reversible", "--variants", "hybrid,twin,bare"],
         3,
         ("ablation.md", "ablation.png"),
     ),

@@ -7,9 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from decmcts._kernels.sequence.entries import visits_cost
+from decmcts._kernels.sequence.metric import Metric
+from decmcts._kernels.sequence.moves import Tour
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.walls import _gridded
+from decmcts.search.decomposition.blocks import Sequence, cut
+from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping
 
@@ -30,6 +36,13 @@ def random_problem(
 def started(problem: OrderProblem) -> Incumbent:
     """The source's own order, where no search has begun."""
     return Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(seconds=1.0))
+
+
+def sliced_tour(problem: OrderProblem, group: np.ndarray | None = None) -> Tour:
+    """The source's own order, for moves that stay within equal `group`."""
+    sequence = Sequence.best_of(started(problem), near_ports(problem))
+    block = cut(sequence, 0, len(problem))
+    return (block if group is None else block.within(group)).tour
 
 
 def with_loops(problem: OrderProblem, seed: int) -> OrderProblem:
@@ -108,3 +121,33 @@ def price(problem: OrderProblem, a: np.ndarray, b: np.ndarray) -> float:
     inside = all(is_inside(p, z) for p in (a, b) for z in (a[2], b[2]))
     bare = inside and level <= pace.bare_mm and a[2] <= b[2] <= a[2] + pace.climb_mm
     return float(seconds + (pace.hop_s if level + rise > pace.free_mm and not bare else 0.0))
+
+
+def found(problem: OrderProblem, seed: int, iterations: int = 3000) -> Sequence:
+    """A sequence that a short search ends with."""
+    result = plan_order(
+        problem, planner="local", stopping=Stopping(iterations=iterations), seed=seed
+    )
+    n, order = len(problem), result.toolpath.order
+    is_reversed, entry_id = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
+    is_reversed[order] = result.toolpath.reversed
+    if problem.seams is not None:
+        chosen = order[np.diff(problem.seams.offsets)[order] > 1]
+        entry = np.zeros(n, np.int64)
+        entry[order] = result.toolpath.entry
+        entry_id[chosen] = problem.seams.offsets[chosen] + entry[chosen]
+    return Sequence(
+        problem, problem.metric(), near_ports(problem), order.copy(), is_reversed, entry_id
+    )
+
+
+def varied(seed: int) -> OrderProblem:
+    """Points, loops or seconds, in turn."""
+    problem = random_problem(seed, 60, density=0.03)
+    problem = with_loops(problem, seed) if seed % 3 == 1 else problem
+    return with_pace(problem) if seed % 3 == 2 else problem
+
+
+def tour_cost(metric: Metric, order: np.ndarray, is_reversed: np.ndarray) -> float:
+    """What the travels of a sequence cost together, all contours entered at their ports."""
+    return visits_cost(metric, order, is_reversed, np.full(len(order), -1, np.int32))

@@ -14,15 +14,14 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.descent import descend
 from decmcts._kernels.sequence.entries import choose_visits, slide_entries, visits_cost
-from decmcts._kernels.sequence.tour import respects, tour_cost
+from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
-from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping
-from tests.search.problems import random_problem, started
+from tests.search.problems import random_problem, sliced_tour, tour_cost
 
 
 def loops(seed: int, n: int, *, most: int = 9, density: float = 0.1) -> OrderProblem:
@@ -56,7 +55,7 @@ def test_summed_changes_equal_the_recomputed_cost(
     problem = loops(seed, n)
     if timed:
         problem = replace(problem, pace=Pace(100.0, 1500.0, 10.0, 200.0, hop_s=0.3, free_mm=2.0))
-    tour = tour_of(started(problem), near_ports(problem))
+    tour = sliced_tour(problem)
     before = visits_cost(problem.metric(), tour.order, tour.reversed, tour.entry_id)
     total = anneal(tour, seeded(seed), temperature, 700)
     total += descend(tour, 0, n, 5)
@@ -75,7 +74,7 @@ def test_sliding_costs_what_it_says_or_leaves_no_trace(
 ) -> None:
     """Never more than the slack; refused, every loop is entered as before."""
     problem, rng = loops(seed, 12), np.random.default_rng(seed)
-    tour = tour_of(started(problem), near_ports(problem))
+    tour = sliced_tour(problem)
     chosen = np.flatnonzero(tour.entry_id[tour.order] >= 0)
     if len(chosen) == 0:
         return
@@ -119,7 +118,7 @@ def tower(height: int) -> OrderProblem:
 def test_the_seams_of_a_tower_slide_to_another_corner_together() -> None:
     """As far as it takes to gain what was asked for; not at all if it never does."""
     problem = tower(20)
-    tour = tour_of(started(problem), near_ports(problem))
+    tour = sliced_tour(problem)
     corner = int(tour.entry_offsets[1]) + 2
     sliced = tour.entry_id.copy()
     assert slide_entries(tour, 1, corner, True, -1000.0) == 0.0
@@ -180,7 +179,7 @@ def test_entries_chosen_for_an_order_are_the_cheapest(seed: int) -> None:
 def test_what_a_block_gains_the_whole_sequence_gains(seed: int, n: int) -> None:
     """Local numbers of entries must lead back to the right ones."""
     problem, rng = loops(seed, n), np.random.default_rng(seed)
-    tour = tour_of(started(problem), near_ports(problem))
+    tour = sliced_tour(problem)
     anneal(tour, seeded(seed), 3.0, 300)
     sequence = Sequence(
         problem, problem.metric(), near_ports(problem), tour.order, tour.reversed, tour.entry_id

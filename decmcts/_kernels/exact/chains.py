@@ -1,4 +1,4 @@
-"""Chains of a dependency graph: the longest, and who is whose ancestor; on bare arrays."""
+"""Chains of a dependency graph: the longest, exits of sets, ancestors; on bare arrays."""
 
 from __future__ import annotations
 
@@ -38,6 +38,25 @@ def chain_behind(
             longest = max(longest, behind[succs[k]])
         behind[i] += longest
     return behind
+
+
+@kernel
+def most_exits(
+    pred_offsets: NDArray[np.int64], preds: NDArray[np.int32], inside: NDArray[np.bool_]
+) -> int:
+    """Return the most steps from inside to outside along a chain; O(edges).
+
+    Contours are numbered in a linear extension.
+    """
+    exits = np.zeros(len(inside), np.int64)
+    most = 0
+    for b in range(len(inside)):
+        for e in range(pred_offsets[b], pred_offsets[b + 1]):
+            a = preds[e]
+            left = exits[a] + (1 if inside[a] and not inside[b] else 0)
+            exits[b] = max(exits[b], left)
+        most = max(most, exits[b])
+    return most
 
 
 @kernel

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from numba import types
 from numba.extending import intrinsic, overload
 
-from decmcts._kernels.sequence.metric import Matrix, Timed, TimedBare
+from decmcts._kernels.sequence.metric import Timed, TimedBare
 
 A = TypeVar("A")
 
@@ -52,6 +52,4 @@ def _borrowed(array: Any) -> Any:
             array.z_acceleration, array.hop_s, array.free_mm, array.bare_mm, array.climb_mm,
             array.over, borrowed(array.walls),
         )  # fmt: skip
-    if getattr(array, "instance_class", None) is Matrix:
-        return lambda array: Matrix(borrowed(array.costs))
     return None

@@ -204,16 +204,6 @@ def _costs_the_same_back(metric: Any, a: Any, b: Any) -> Any:
     return lambda metric, a, b: True
 
 
-def restricted(metric: Metric, contours: NDArray[np.int32]) -> Metric:
-    """Return the metric of a selection of contours, renumbered from 0."""
-    if isinstance(metric, Matrix):
-        return Matrix(np.ascontiguousarray(metric.costs[np.ix_(contours, contours)]))
-    rows = np.stack([2 * contours, 2 * contours + 1], axis=1).ravel()
-    if isinstance(metric, (Timed, TimedBare)):
-        return metric._replace(points=metric.points[rows])
-    return metric[rows]
-
-
 def with_points(metric: Metric, points: NDArray[np.float64]) -> Metric:
     """Return the same price for other points, (2n + 2m, 3)."""
     return metric._replace(points=points) if isinstance(metric, (Timed, TimedBare)) else points
@@ -231,11 +221,10 @@ def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
 
 
 def points_of(metric: Metric) -> NDArray[np.float64]:
-    """Return the metric's points, (2n + 2m, 3); empty for a matrix."""
+    """Return the metric's points, (2n + 2m, 3). Not of a matrix."""
     if isinstance(metric, (Timed, TimedBare)):
         return metric.points
-    if isinstance(metric, Matrix):
-        return np.empty((0, 3))
+    assert not isinstance(metric, Matrix)
     return metric
 
 
@@ -246,6 +235,4 @@ def _points_of(metric: Any) -> Any:
         return lambda metric: metric
     if getattr(metric, "instance_class", None) in (Timed, TimedBare):
         return lambda metric: metric.points
-    if getattr(metric, "instance_class", None) is Matrix:
-        return lambda metric: np.empty((0, 3))
     return None

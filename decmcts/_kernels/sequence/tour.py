@@ -1,8 +1,4 @@
-"""Costs of complete sequences: travel and precedence.
-
-Port 2c is the start of contour c and port 2c + 1 its end. `is_reversed[c]` is 1 when c
-is reversed: it is entered at port 2c + is_reversed[c] and left at the other.
-"""
+"""Whether a sequence keeps precedence, and the longest travel there can be."""
 
 from __future__ import annotations
 
@@ -10,17 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.sequence.metric import Metric, distance
-
-
-@kernel
-def tour_cost(metric: Metric, order: NDArray[np.int32], is_reversed: NDArray[np.uint8]) -> float:
-    """Return what the travels of a sequence cost together, in the metric's unit."""
-    total = 0.0
-    for k in range(1, len(order)):
-        a, b = order[k - 1], order[k]
-        total += distance(metric, 2 * a + 1 - is_reversed[a], 2 * b + is_reversed[b])
-    return total
+from decmcts._kernels.sequence.metric import distance
 
 
 @kernel

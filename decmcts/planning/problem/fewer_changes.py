@@ -20,6 +20,7 @@ from decmcts.formats.gcode.writing.fewer_changes import FreeChanges, free_change
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.options import Rules
+from decmcts.planning.problem.by_tool import Runs, by_tool
 from decmcts.planning.problem.layer_by_layer import with_epochs, with_source_lines
 from decmcts.planning.problem.planned import Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above, problem_of
@@ -27,7 +28,6 @@ from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Regrouped, Source
 from decmcts.planning.problem.source_lines import SourceLines
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.starts.by_tool import Runs, by_tool
 from decmcts.team.schedule.cooling import cooled, find_lags, source_times, time_left
 from decmcts.team.schedule.joint_plan import schedule
 from sim.files.written import verify_written

@@ -17,13 +17,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.trees.tree import new_tree, simulate_many, with_room
+from decmcts._kernels.trees.clusters import (
+    Clustered,
+    Rollout,
+    new_tree,
+    simulate_many,
+    with_room,
+)
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.decomposition.clustered import clustered_problem, fresh_rollout
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import POLL_S, next_chunk
 
 _CHUNK = 200  # iterations between looks at the clock when iterations are limited
@@ -75,3 +83,51 @@ def _next_chunk(incumbent: Incumbent, chunk: int, took_s: float) -> int:
     if incumbent.stopping.iterations is not None:
         return max(1, min(_CHUNK, incumbent.stopping.iterations - incumbent.iterations))
     return next_chunk(chunk, took_s, POLL_S, least=1, most=_LARGEST_CHUNK)
+
+
+def clustered_problem(problem: OrderProblem, labels: NDArray[np.int32]) -> Clustered:
+    """Join a problem with the cluster of each contour.
+
+    Clusters that depend on each other in a cycle could never be printed one
+    after the other; they become one cluster.
+    """
+    labels = _without_cycles(problem, labels)
+    graph, n_clusters = problem.graph, int(labels.max(initial=-1)) + 1
+    pairs = labels[graph.pairs()]
+    outer = pairs[pairs[:, 0] != pairs[:, 1], 1]
+    sizes = np.bincount(labels, minlength=n_clusters)
+    return Clustered(
+        problem.metric(),
+        problem.reversible,
+        graph.pred_offsets,
+        graph.succ_offsets,
+        graph.succs,
+        labels,
+        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        np.argsort(labels, kind="stable").astype(np.int32),
+        np.bincount(outer, minlength=n_clusters).astype(np.int32),
+    )
+
+
+def _without_cycles(problem: OrderProblem, labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return labels 0..h - 1 whose cluster graph has no cycle, by merging those on one."""
+    ids, dense = np.unique(labels, return_inverse=True)
+    pairs = dense[problem.graph.pairs()]
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(ids), len(ids)))
+    _, component = connected_components(links, directed=True, connection="strong")
+    return np.ascontiguousarray(component[dense], np.int32)
+
+
+def fresh_rollout(clustered: Clustered) -> Rollout:
+    """Return working arrays for rollouts of a problem."""
+    n, n_clusters = len(clustered.label), len(clustered.outer_preds)
+    return Rollout(
+        np.zeros(n, np.int32),
+        np.zeros(n, np.uint8),
+        np.zeros(n, np.int32),
+        np.zeros(n_clusters, np.int32),
+        np.zeros(n_clusters, np.int32),
+        np.zeros(n, np.int32),
+        np.zeros(3, np.int64),
+        np.zeros(1),
+    )

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.tour import tour_cost
+from decmcts._kernels.sequence.entries import visits_cost
 from decmcts.search.bounds.exact import Patience, solve_exactly
 from decmcts.search.bounds.relaxation import Relaxation, Relaxed
 from decmcts.search.sequence.problem import OrderProblem
@@ -149,8 +149,8 @@ def lower_bound(
 def _target(problem: OrderProblem, upper_bound: float | None) -> float:
     if upper_bound is not None:
         return upper_bound
-    n = len(problem)
-    return tour_cost(problem.metric(), np.arange(n, dtype=np.int32), np.zeros(n, np.uint8))
+    order, sliced = np.arange(len(problem), dtype=np.int32), np.full(len(problem), -1, np.int32)
+    return visits_cost(problem.metric(), order, np.zeros(len(order), np.uint8), sliced)
 
 
 class Ascent:

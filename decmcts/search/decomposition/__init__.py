@@ -1,1 +1,1 @@
-"""A sequence in parts: clusters, blocks and contracted runs, annealed on threads, put together."""
+"""A sequence, whole or in blocks, annealed on threads and put together."""

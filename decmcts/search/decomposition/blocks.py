@@ -1,4 +1,4 @@
-"""A window of a sequence as a small search problem of its own.
+"""A sequence, the best windows of several, and a window as a small search problem of its own.
 
 The contours before and after the window belong to the problem too, as *guards* that never
 move. So a block that becomes cheaper makes the whole sequence cheaper by exactly as much.
@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.decomposition.block import block_edges, block_ports
+from decmcts._kernels.sequence.block import block_edges, block_ports
+from decmcts._kernels.sequence.crossover import crossed
 from decmcts._kernels.sequence.entries import use_entries, visits_cost
-from decmcts._kernels.sequence.metric import Metric, points_of, restricted, with_points
+from decmcts._kernels.sequence.metric import Metric, points_of, with_points
 from decmcts._kernels.sequence.moves import Tour, refresh
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
@@ -71,6 +72,34 @@ class Sequence:
     def cost(self) -> float:
         """What its travels cost together."""
         return float(visits_cost(self.metric, self.order, self.reversed, self.entry_id))
+
+
+def crossover(sequences: list[Sequence]) -> Sequence:
+    """Return the cheapest sequence of windows of those given; no dearer than any.
+
+    So what threads found in different places is kept together (partition crossover). All are
+    of one problem, and none is changed. A window ends where two of them have printed the same
+    set of contours, see `crossed`.
+
+    References
+    ----------
+    Whitley, Hains & Howe 2009, "Tunneling between optima: partition crossover for the
+    traveling salesman problem" (independent parts are chosen one by one).
+    """
+    best = sequences[0].copy()
+    if len(sequences) == 1:
+        return best
+    order, is_reversed, entry_id = (
+        np.stack([getattr(sequence, name) for sequence in sequences])
+        for name in ("order", "reversed", "entry_id")
+    )
+    followed = crossed(best.metric, order, is_reversed, entry_id)
+    best.order[:] = order[followed, np.arange(len(followed))]
+    best.reversed[best.order], best.entry_id[best.order] = (
+        is_reversed[followed, best.order],
+        entry_id[followed, best.order],
+    )
+    return best
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,8 +218,8 @@ def _block_seams(
     rows = np.stack([2 * ids, 2 * ids + 1], axis=1).ravel().astype(np.int64)
     none = np.empty(0, np.int32)
     if seams is None:
-        metric, entry_id = restricted(sequence.metric, ids), np.full(k, -1, np.int32)
-        empty = np.empty(0, np.int64)
+        metric = with_points(sequence.metric, points_of(sequence.metric)[rows])
+        empty, entry_id = np.empty(0, np.int64), np.full(k, -1, np.int32)
         return _BlockSeams(metric, empty, np.zeros(k + 1, np.int64), none, none, rows, entry_id)
     n, counts, old = len(sequence.order), np.diff(seams.offsets)[ids], sequence.entry_id[ids]
     counts[: guards[0]] = counts[k - guards[1] :] = 0

@@ -4,7 +4,7 @@ Whole sequences are each offered to the incumbent. Blocks are parts of one seque
 every step of every thread improves the same one, but nothing moves across a cut between
 blocks. No move is ruled out for long: cuts are placed anew all the time, and in every other
 turn each thread has the whole sequence in place of blocks, and their results are crossed
-(`decmcts.search.decomposition.crossover`).
+(`decmcts.search.decomposition.blocks.crossover`).
 
 Each thread has a generator of its own, and results are put together in a fixed order. So
 equal seeds and equal iterations give equal sequences, whichever thread is faster.
@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded, uniform
 from decmcts._kernels.sequence.anneal import anneal
-from decmcts.search.decomposition.blocks import Block, Sequence, cut
-from decmcts.search.decomposition.crossover import crossover
+from decmcts._kernels.sequence.descent import descend
+from decmcts.search.decomposition.blocks import Block, Sequence, crossover, cut
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping, next_chunk
@@ -42,6 +42,8 @@ _ROUNDS = 400  # of a search that is limited by iterations
 _CUT_A_ROUND = 1_000_000  # a cut lasts a round for so many contours and edges: cutting takes time
 _LEAST_BLOCK = 100  # contours
 _STEPS_A_S = 1.5e6  # of a thread, about
+_POSITIONS = 500  # positions between looks at the clock in a descent
+_LONGEST_SWAP = 50  # segments tried exhaustively; longer ones are left to annealing
 
 Chunks: TypeAlias = Iterator[tuple[float, int]]
 
@@ -54,10 +56,6 @@ class Threads:
     states: list[NDArray[np.uint64]]  # (1,) each, mutated
     cutting: NDArray[np.uint64]  # (1,) mutated
     crosses: bool = True  # whether results are crossed; else the best is taken
-
-    def fresh(self) -> NDArray[np.uint64]:
-        """Mutate `cutting`; return a new generator, (1,)."""
-        return seeded(int(uniform(self.cutting) * 2**53))
 
     def join(self, found: list[Sequence]) -> Sequence:
         """Return one sequence made of those found, no worse than any; they stay as they are."""
@@ -115,6 +113,50 @@ def anneal_sequences(
             sequence.offer_to(incumbent)
 
     yield from _in_rounds(incumbent, threads, until, begin, work, meet)
+
+
+def anneal_rounds(
+    incumbent: Incumbent,
+    near: NDArray[np.int32],
+    threads: Threads,
+    ends: tuple[float, ...],
+    *,
+    hot: float,
+    cold: float,
+    group: NDArray[np.int32] | None = None,
+) -> Iterator[None]:
+    """Anneal whole sequences in rounds, each from the best so far; yield at meetings.
+
+    A round ends at one of the shares `ends`. Temperatures are in mean travels of the best
+    sequence, and moves stay within equal `group`, (n,). Mutates the generators.
+    """
+    for until in ends:
+        mean, count = incumbent.cost / len(incumbent.problem), len(threads.states)
+        sequences = [Sequence.best_of(incumbent, near) for _ in range(count)]
+        schedules = [TemperatureSchedule(hot * mean, cold * mean)] * count
+        groups = None if group is None else [group] * count
+        yield from anneal_sequences(incumbent, sequences, threads, schedules, until, groups=groups)
+
+
+def descend_fully(
+    incumbent: Incumbent, near: NDArray[np.int32], group: NDArray[np.int32] | None = None
+) -> None:
+    """Improve the best sequence until no nearby move does or the search is over.
+
+    Moves stay within equal `group`, (n,). Each position looked at counts as an iteration.
+    """
+    sequence, n, gain = Sequence.best_of(incumbent, near), len(incumbent.problem), -1.0
+    block = cut(sequence, 0, n)
+    block = block if group is None else block.within(group)
+    while gain < 0.0:
+        gain = 0.0
+        for first in range(0, n, _POSITIONS):
+            gain += descend(block.tour, first, min(first + _POSITIONS, n), _LONGEST_SWAP)
+            block.put_back(sequence)
+            sequence.offer_to(incumbent)
+            incumbent.tick(min(_POSITIONS, n - first))
+            if incumbent.over:
+                return
 
 
 def anneal_blocks(

@@ -1,9 +1,8 @@
 """Several starts (multistart): whole sequences, one a thread, from unlike beginnings.
 
 How good the result of annealing is depends on the start, and no start is best for all
-prints. In each round the first thread begins with the best sequence so far, or with the
-one that a tree search proposes, if there is one. The other threads do not, since their
-results would be like that of the first. They begin:
+prints. In each round the first thread begins with the best sequence so far. The other threads
+do not, since their results would be like that of the first. They begin:
 
 - where there is no layered start, with the best of the first starts, by turns at a high
   temperature (`hot`) and at a lower one that keeps some of its structure (`mild`);
@@ -12,8 +11,8 @@ results would be like that of the first. They begin:
   and the first begins at the lower temperature.
 
 After each round the results of all rounds so far are crossed (partition crossover,
-`decmcts.search.decomposition.crossover`). Where layers follow each other strictly this takes the
-best result of each layer.
+`decmcts.search.decomposition.blocks.crossover`). Where layers follow each other strictly this
+takes the best result of each layer.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_sequences
 from decmcts.search.hybrid.search import Search
 from decmcts.search.sequence.annealing import TemperatureSchedule
-from decmcts.search.starts.layerwise import layer_runs
+from decmcts.search.sequence.greedy import layer_runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ class Multistart:
     always: int = 1000  # contours up to which several starts beat a partition of one sequence,
     at_most: int = 6000  # or up to this many,
     least: float = 3_000.0  # if a thread has time for so many steps for each
-    until: float = 0.65  # share at which they end
+    until: float = 0.85  # share at which they end
     steps: float = 3000.0  # of a thread in a round, for each contour and entry
     most: int = 8  # rounds
     hot: float = 1.5
@@ -72,8 +71,6 @@ class Multistart:
                 other.copy() if layered_won else best,
                 *(other.copy() for _ in threads.states[1:]),
             ]
-            if number in (0, rounds // 2) and not layered_won:
-                yield from search.propose(sequences[0])
             until = began + length * (number + 1)
             hot = self._first_temperatures(number, layered is not None, layered_won, len(sequences))
             groups = _groups(layers, layered is not None, layered_won, len(sequences))

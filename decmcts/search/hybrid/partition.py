@@ -1,11 +1,9 @@
 """A partition of one sequence among all threads, for prints too large for several starts.
 
-On the largest prints a layered start is annealed within layers first. Then come a tree
-search (if there is one), a fast annealing and a long one. The long one has long blocks
-while hot, when long moves decide the large structure, and many short ones while cold.
-Half-way through it the tree search has a second turn, guided by the sequence so far.
-Where there is time enough it ends early, to leave some for neighbourhoods; with less time,
-for windows.
+On the largest prints a layered start is annealed within layers first. Then come a fast
+annealing and a long one. The long one has long blocks while hot, when long moves decide the
+large structure, and many short ones while cold. Where there is time enough it ends early, to
+leave some for windows.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_blocks, anneal_sequences
 from decmcts.search.hybrid.search import Search
 from decmcts.search.sequence.annealing import DESCENT_FROM, TemperatureSchedule
-from decmcts.search.starts.layerwise import layer_runs
+from decmcts.search.sequence.greedy import layer_runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +25,9 @@ class Partition:
     layers_from: int = 6000  # contours from which a layered start is annealed first
     layers: float = 0.06  # share for that
     first: float = 0.05  # share for a first, fast annealing
-    half_way: float = 0.5  # share at which the trees get their second turn
-    neighbourhoods_from: float = 0.75  # share at which neighbourhoods begin,
-    for_neighbourhoods: float = 15_000.0  # if there are so many steps for each contour in all
-    windows_from: float = 0.85  # else share at which windows begin,
-    for_windows: float = 2000.0  # if there are so many
+    half_way: float = 0.5  # share at which blocks become short
+    windows_from: float = 0.85  # share at which windows begin,
+    for_windows: float = 2000.0  # if there are so many steps for each contour in all
     until: float = DESCENT_FROM  # else share at which the long annealing ends
     blocks: tuple[int, int] = (1, 4)  # of each thread, hot and cold; 0: whole sequences alone
     hot: float = 1.5
@@ -42,20 +38,17 @@ class Partition:
         if min(self.hot, self.warm, self.cold) <= 0.0:
             raise ValueError("hot, warm and cold: expected more than 0")
 
-    def affords_neighbourhoods(self, search: Search) -> bool:
-        """Tell whether, at the pace so far, there is time for neighbourhoods."""
-        return _steps_each(search) >= self.for_neighbourhoods
-
     def affords_windows(self, search: Search) -> bool:
         """Tell whether, at the pace so far, there is time for windows."""
-        return _steps_each(search) >= self.for_windows
+        incumbent = search.incumbent
+        steps_each = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
+        return steps_each >= self.for_windows
 
     def run(self, search: Search) -> Iterator[None]:
-        """Anneal the best sequence on all threads together, with trees' help if there are any."""
+        """Anneal the best sequence on all threads together."""
         large = len(search.incumbent.problem) >= self.layers_from
         if large and search.layered is not None:
             yield from self._within_layers(search, search.layered)
-        yield from search.propose(search.best())
         long, short = self.blocks
         fast = search.schedule(self.hot, self.cold)
         until = search.incumbent.spent + self.first
@@ -64,16 +57,10 @@ class Partition:
         hot = search.schedule(self.hot, self.warm)
         cold = search.schedule(self.warm, self.cold)  # of the same mean travel
         yield from self._anneal(search, sequence, hot, self.half_way, long)
-        yield from search.propose(search.best())
-        if search.incumbent.cost < sequence.cost:  # found by the trees or by the first annealing
+        if search.incumbent.cost < sequence.cost:  # found by the first annealing
             sequence = search.best()
-        yield from self._anneal(search, sequence, cold, self._ends(search), short)
-
-    def _ends(self, search: Search) -> float:
-        """Return the share at which what comes next begins."""
-        if self.affords_neighbourhoods(search):
-            return self.neighbourhoods_from
-        return self.windows_from if self.affords_windows(search) else self.until
+        ends = self.windows_from if self.affords_windows(search) else self.until
+        yield from self._anneal(search, sequence, cold, ends, short)
 
     def _anneal(
         self,
@@ -99,9 +86,3 @@ class Partition:
         found.choose_entries()
         found.offer_to(incumbent)
         yield
-
-
-def _steps_each(search: Search) -> float:
-    """Return how many steps the whole search has for each contour, at the pace so far."""
-    incumbent = search.incumbent
-    return incumbent.iterations / (incumbent.spent * len(incumbent.problem))

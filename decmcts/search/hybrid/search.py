@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import Threads
-from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
@@ -23,7 +22,6 @@ class Search:
 
     incumbent: Incumbent
     threads: Threads
-    trees: Trees | None
     by_layers: tuple[NDArray[np.int32], NDArray[np.uint8]] | None = None  # order, directions
     layered: Sequence | None = None  # layer by layer, and worth annealing within layers
     _near: NDArray[np.int32] | None = field(default=None, repr=False)
@@ -43,11 +41,6 @@ class Search:
     def best(self) -> Sequence:
         """Return a copy of the best sequence so far."""
         return Sequence.best_of(self.incumbent, self.near)
-
-    def propose(self, sequence: Sequence) -> Iterator[None]:
-        """Mutate the sequence to the best of a tree search, if there is one and it has time."""
-        if self.trees is not None:
-            yield from self.trees.turn(self.incumbent, self.threads, sequence)
 
 
 class Phase(Protocol):

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decmcts.search.hybrid.search import Search
-from decmcts.search.starts.greedy import Greedy
-from decmcts.search.starts.layerwise import layer_runs, nearest_in_layers
+from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +18,7 @@ class Starts:
     def run(self, search: Search) -> Iterator[None]:
         """Offer all of them."""
         incumbent = search.incumbent
-        search.by_layers = nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer))
+        search.by_layers = nearest_in_layers(incumbent)
         incumbent.offer(*search.by_layers)
         Greedy().plan(incumbent, seed=0)
         incumbent.tick()

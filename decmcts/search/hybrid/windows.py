@@ -96,7 +96,7 @@ def improve_windows(
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Windows of the best sequence, where there is no time for neighbourhoods."""
+    """Windows of the best sequence."""
 
     until: float = DESCENT_FROM  # share
 

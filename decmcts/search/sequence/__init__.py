@@ -1,1 +1,1 @@
-"""What every search shares: the problem, the best order so far, when to stop, annealing."""
+"""What every search shares: the problem, the best order so far, greedy orders, when to stop."""

@@ -21,8 +21,6 @@ def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDA
     that precedence keeps from following are left out.
     """
     n = len(problem)
-    if problem.costs is not None:
-        return _cheap_successors(problem, width)
     if n == 0:
         return np.full((0, width), -1, np.int32)
     scale, seams = np.array([1.0, 1.0, LAYER_SCALE]), problem.seams
@@ -44,26 +42,6 @@ def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDA
         width,
         row_offsets,
         owner,
-        problem.reversible,
-        graph.pred_offsets,
-        graph.preds,
-        graph.succ_offsets,
-        graph.succs,
-    )
-
-
-def _cheap_successors(problem: OrderProblem, width: int) -> NDArray[np.int32]:
-    """Return the cheapest possible successors of each node by bare costs, as entry ports."""
-    n, graph = len(problem), problem.graph
-    assert problem.costs is not None
-    costs = problem.costs.copy()
-    np.fill_diagonal(costs, np.inf)
-    found = 2 * np.argsort(costs, axis=1, kind="stable")[:, : max(n - 1, 1)]
-    return keep_possible(
-        np.repeat(found, 2, axis=0),
-        width,
-        np.zeros(n + 1, np.int64),
-        np.empty(0, np.int32),
         problem.reversible,
         graph.pred_offsets,
         graph.preds,

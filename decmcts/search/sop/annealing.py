@@ -26,11 +26,11 @@ _HOT = 1.0  # first temperature, in scales; of the last annealing twice that
 _COLD = 0.05  # temperature at the end of the slow cooling, in scales
 _COLDER = 0.01  # of every second annealing of the thread with long ones
 _SHORTEST = (2_000, 64_000)  # proposals a node: many short annealings on one thread, few long
-_FIRST = 4_000  # of the first: soon over, and then the pace is known
+FIRST = 4_000  # of the first: soon over, and then the pace is known
 _ROUND = 15  # annealings until their lengths come again, once to eight times the shortest
 _LONGEST = 1_000_000  # proposals a node of the last annealing at most
 _LEAST_LAST = 10_000  # and at least, if there is time for so many
-_ALL = 0.99  # of the budget
+ALL = 0.99  # of the budget
 _NEAR = 8  # by cost, and as many by reduced cost
 
 
@@ -70,9 +70,12 @@ class NearSteps:
         )  # fmt: skip
 
 
-@dataclass(slots=True)
-class AnnealedSequence:
-    """A sequence that one annealing after the other changes; where the present one stands."""
+@dataclass(slots=True, kw_only=True)
+class Annealer:
+    """A sequence that one annealing after the other changes; where the present one stands.
+
+    Subclasses say how hot the present annealing is, and begin the next.
+    """
 
     bare: Bare
     shares: Shares
@@ -91,11 +94,25 @@ class AnnealedSequence:
     def __post_init__(self) -> None:
         self.last = len(self.bare.order) - 1
 
-    def begin_slice(self, quota: int, spent: float) -> None:
-        """Learn the pace from the slice before, unless slices still grow."""
-        if spent > self._spent and quota <= 2 * self._quota:
+    def work(self, quota: int, spent: float) -> int:
+        """Make `quota` proposals, in as many annealings as that takes."""
+        if spent > self._spent and quota <= 2 * self._quota:  # else slices still grow
             self.pace = self._quota / (spent - self._spent)
         self._quota, self._spent = quota, spent
+        left = quota
+        while left > 0:
+            left -= self.anneal(self.temperature(spent), left)
+            if self.done == self.length:
+                self.end(spent)
+        return quota
+
+    def temperature(self, spent: float) -> float:
+        """Return the temperature at which the present annealing goes on."""
+        raise NotImplementedError
+
+    def end(self, spent: float) -> None:
+        """Begin the next annealing."""
+        raise NotImplementedError
 
     def anneal(self, temperature: float, most: int) -> int:
         """Make up to `most` proposals at one temperature; return how many."""
@@ -110,33 +127,26 @@ class AnnealedSequence:
             self.best, self._found = self.cost, self.bare.order.copy()
         return step
 
-    @property
-    def ended(self) -> bool:
-        """Whether the present annealing has made all its proposals."""
-        return self.done == self.length
-
     def take(self, order: NDArray[np.int32], cost: float, *, at: int = 0) -> None:
         """Go on from another sequence, or with its nodes from position `at` on."""
         self.bare.order[at : at + len(order)] = order
         self.bare.position[order] = np.arange(at, at + len(order))
         self.cost = cost
 
-    def meet(self, incumbent: Incumbent, first: int) -> None:
-        """Begin with the incumbent, if not begun, by `first` proposals a node; offer the best."""
-        if self.cost == np.inf:
-            self.take(incumbent.order, incumbent.cost)
-            self.length = first * len(incumbent.order)
-        self.offer_to(incumbent)
+    def begin(self, incumbent: Incumbent, first: int) -> None:
+        """Go on from the incumbent by an annealing of `first` proposals a node."""
+        self.take(incumbent.order, incumbent.cost)
+        self.length = first * len(incumbent.order)
 
-    def offer_to(self, incumbent: Incumbent) -> None:
-        """Offer the best found since the last time."""
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer the best found since the last meeting."""
         if self._found is not None:
             incumbent.offer(self._found, incumbent.reversed, by="annealing")
             self._found = None
 
 
-@dataclass(slots=True)
-class AnnealThread:
+@dataclass(slots=True, kw_only=True)
+class LubyAnnealer(Annealer):
     """Annealing after annealing; each goes on from where the one before ended.
 
     They are once, twice, four and eight times as long as the shortest, and each length
@@ -145,64 +155,44 @@ class AnnealThread:
     annealing takes `last_share` of it, or more where that would be short for the size.
     """
 
-    sequence: AnnealedSequence
     scale: float  # of temperatures
     long: bool  # whether its annealings are long ones
-    last_share: float = _ALL  # 0: no annealing is the last
+    last_share: float = ALL  # 0: no annealing is the last
     first_cost: float = np.inf  # at the end of the first annealing
     _count: int = 0  # annealings ended
     _began: float = 0.0  # budget spent when the last annealing began
     _ends: float = np.inf  # budget spent when it ends
 
-    def work(self, quota: int, spent: float) -> int:
-        """Make `quota` proposals, in as many annealings as that takes."""
-        left = quota
-        self.sequence.begin_slice(quota, spent)
-        while left > 0:
-            left -= self.sequence.anneal(self._temperature(spent), left)
-            if self.sequence.ended:
-                self._end(spent)
-        return quota
-
-    @property
-    def best(self) -> float:
-        """Least cost seen where the temperature changes."""
-        return self.sequence.best
-
     @property
     def is_last(self) -> bool:
         """Whether the last annealing has begun, which ends at a share of the budget."""
-        return self.sequence.length == 0 and self._count > 0
+        return self.length == 0 and self._count > 0
 
     def over(self, spent: float) -> bool:
         """Whether the last annealing has ended."""
         return spent >= self._ends
 
-    def meet(self, incumbent: Incumbent) -> None:
-        """Offer the best sequence seen since the last meeting."""
-        self.sequence.meet(incumbent, _FIRST)
-
-    def _temperature(self, spent: float) -> float:
+    def temperature(self, spent: float) -> float:
         """Return the temperature at which the present annealing goes on."""
-        length, hot, cold = self.sequence.length, _HOT * self.scale, _COLD * self.scale
-        if length == 0:
+        hot, cold = _HOT * self.scale, _COLD * self.scale
+        if self.length == 0:
             share = (spent - self._began) / max(self._ends - self._began, 1e-9)
             return quenched(TemperatureSchedule(2.0 * hot, cold), share)
         if self.long and self._count & 1:
             cold = _COLDER * self.scale
-        return quenched(TemperatureSchedule(hot, cold), self.sequence.done / length)
+        return quenched(TemperatureSchedule(hot, cold), self.done / self.length)
 
-    def _end(self, spent: float) -> None:
+    def end(self, spent: float) -> None:
         """Begin the next annealing."""
-        sequence, n = self.sequence, len(self.sequence.bare.order)
+        n = len(self.bare.order)
         if self._count == 0:
-            self.first_cost = sequence.cost
-        self._count, sequence.done = self._count + 1, 0
-        sequence.length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * n
-        left = sequence.pace * (1.0 - spent)
-        if self.last_share and left < max(_LONGEST * n, sequence.length):
-            sequence.length, self._began = 0, spent
-            share = max(self.last_share, min(_LEAST_LAST * n / max(left, 1.0), _ALL))
+            self.first_cost = self.cost
+        self._count, self.done = self._count + 1, 0
+        self.length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * n
+        left = self.pace * (1.0 - spent)
+        if self.last_share and left < max(_LONGEST * n, self.length):
+            self.length, self._began = 0, spent
+            share = max(self.last_share, min(_LEAST_LAST * n / max(left, 1.0), ALL))
             self._ends = spent + share * (1.0 - spent)
 
 

@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import below
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.annealing import AnnealedSequence, NearSteps, quenched
+from decmcts.search.sop.annealing import Annealer, NearSteps, quenched
 
 _ELITES = 8
 
 _CHEAPEST = 2  # near steps by cost and by reduced cost beside those of the elites
 _HOT, _COLD = 2.0, 0.05  # temperatures, in scales
 _LENGTH = (4_000, 30_000)  # proposals a node: short annealings on one thread, long on the other
-_LEAST = 2_000  # where time allows no more
+LEAST = 2_000  # where time allows no more
 _ANNEALINGS = 60  # so many should fit into the budget
 _STALE = 3 * _ELITES  # annealings in a row that find no elite
 
@@ -69,15 +69,14 @@ class Elites:
         return table
 
 
-@dataclass(slots=True)
-class EliteThread:
+@dataclass(slots=True, kw_only=True)
+class EliteAnnealer(Annealer):
     """Annealing after annealing, each from one of the elites, drawn at random.
 
     After `_STALE` annealings in a row that found no new elite all elites are dropped, and
     the search for others begins with annealings twice as long. The incumbent keeps the best.
     """
 
-    sequence: AnnealedSequence
     steps: NearSteps
     least_gain: float  # costs differ by more than this
     long: bool  # whether its annealings are long ones
@@ -85,45 +84,34 @@ class EliteThread:
     _failures: int = 0  # annealings in a row that found no elite
     _dropped: int = 0  # how often all elites were
 
-    def work(self, quota: int, spent: float) -> int:
-        """Make `quota` proposals, in as many annealings as that takes."""
-        left, sequence = quota, self.sequence
+    def temperature(self, spent: float) -> float:
+        """Return the temperature at which the present annealing goes on."""
         schedule = TemperatureSchedule(_HOT * self.steps.scale, _COLD * self.steps.scale)
-        sequence.begin_slice(quota, spent)
-        while left > 0:
-            left -= sequence.anneal(quenched(schedule, sequence.done / sequence.length), left)
-            if sequence.ended:
-                self._end()
-        return quota
-
-    @property
-    def best(self) -> float:
-        """Least cost seen where the temperature changes."""
-        return self.sequence.best
+        return quenched(schedule, self.done / self.length)
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting; hear of a better one."""
-        self.sequence.meet(incumbent, _LEAST)
+        Annealer.meet(self, incumbent)
         if self._elites.full and incumbent.cost < self.best - self.least_gain:
             self._elites.add(incumbent.cost, incumbent.order, least_gain=self.least_gain)
-            self.sequence.best = incumbent.cost
+            self.best = incumbent.cost
 
-    def _end(self) -> None:
+    def end(self, spent: float) -> None:
         """Keep what the annealing found if it is good, and begin the next."""
-        elites, sequence, n = self._elites, self.sequence, len(self.sequence.bare.order)
-        found = elites.add(sequence.cost, sequence.bare.order, least_gain=self.least_gain)
+        elites, n = self._elites, len(self.bare.order)
+        found = elites.add(self.cost, self.bare.order, least_gain=self.least_gain)
         self._failures = 0 if found else self._failures + 1
         if self._failures == _STALE:
             self._elites, self._failures, self._dropped = Elites(_ELITES), 0, self._dropped + 1
-            sequence.bare = sequence.bare._replace(near=self.steps.near)
+            self.bare = self.bare._replace(near=self.steps.near)
         elif elites.full:
-            drawn = int(below(sequence.state, _ELITES))
-            sequence.take(elites.orders[drawn], elites.costs[drawn])
+            drawn = int(below(self.state, _ELITES))
+            self.take(elites.orders[drawn], elites.costs[drawn])
             if found:
-                sequence.bare = sequence.bare._replace(near=self._near())
-        share = sequence.pace / _ANNEALINGS if np.isfinite(sequence.pace) else 0.0
+                self.bare = self.bare._replace(near=self._near())
+        share = self.pace / _ANNEALINGS if np.isfinite(self.pace) else 0.0
         longest = _LENGTH[self.long] * n << self._dropped
-        sequence.length, sequence.done = int(min(max(share, _LEAST * n), longest)), 0
+        self.length, self.done = int(min(max(share, LEAST * n), longest)), 0
 
     def _near(self) -> NDArray[np.int32]:
         """Return (n, k) nodes that may follow: those that do in elites, and the cheapest."""

@@ -19,13 +19,13 @@ from decmcts._kernels.sequence.bare import Shares
 from decmcts._kernels.sequence.metric import Matrix
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import next_chunk
-from decmcts.search.sop.annealing import SHARES, AnnealedSequence, AnnealThread, NearSteps
+from decmcts.search.sop.annealing import ALL, FIRST, SHARES, LubyAnnealer, NearSteps
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
-from decmcts.search.sop.elites import EliteThread
+from decmcts.search.sop.elites import LEAST, EliteAnnealer
 from decmcts.search.sop.precedence import Precedence
-from decmcts.search.sop.windows import WindowThread
+from decmcts.search.sop.windows import WindowAnnealer
 
 _SLICE_S = 0.15
 _SLICES = 400  # of a search that is limited by iterations
@@ -151,7 +151,7 @@ class TurnsThread:
     sequence; on small ones annealings that know nothing of each other then find it.
     """
 
-    annealers: tuple[AnnealThread, EliteThread]
+    annealers: tuple[LubyAnnealer, EliteAnnealer]
     _turn: int = 0
 
     @property
@@ -170,7 +170,7 @@ class TurnsThread:
             annealer.meet(incumbent)
 
 
-SopThread = BeamThread | AnnealThread | EliteThread | TurnsThread | WindowThread | TreeThread
+SopThread = BeamThread | LubyAnnealer | EliteAnnealer | TurnsThread | WindowAnnealer | TreeThread
 
 
 @dataclass(slots=True)
@@ -236,7 +236,7 @@ class TwoThreads:
         """
         beams, other, cost = *threads, self.incumbent.cost
         if isinstance(beams, BeamThread) and self.parts.hand_over:
-            if isinstance(other, AnnealThread) and other.is_last and np.isfinite(lead):
+            if isinstance(other, LubyAnnealer) and other.is_last and np.isfinite(lead):
                 cost, lead = other.first_cost, -_NEAR_ENOUGH
             elif isinstance(other, TurnsThread):
                 lead *= _ELITE_LEAD
@@ -249,9 +249,9 @@ class TwoThreads:
     def _in_windows(self, thread: SopThread) -> SopThread:
         """Return the thread, with annealing in windows in the place of one that is over."""
         spent = self.incumbent.spent
-        if not (isinstance(thread, AnnealThread) and thread.over(spent)):
+        if not (isinstance(thread, LubyAnnealer) and thread.over(spent)):
             return thread
-        return WindowThread.of(thread.sequence, thread.scale, self.incumbent)
+        return WindowAnnealer.after(thread, self.incumbent)
 
     def _tree(self) -> TreeThread:
         """Return a thread of branch and bound."""
@@ -277,7 +277,7 @@ class TwoThreads:
         thread.meet(self.incumbent)
         return thread
 
-    def _annealer(self, number: int) -> AnnealThread | EliteThread | TurnsThread:
+    def _annealer(self, number: int) -> LubyAnnealer | EliteAnnealer | TurnsThread:
         """Return a thread that anneals from the best sequence; its number: 0, or 1 for long ones.
 
         Where costs are no distances it goes by elites, and thread 0 by both.
@@ -288,24 +288,22 @@ class TwoThreads:
         steps, long, state = self._steps, number > 0, seeded(2 * self.seed + number)
         by_elites = self.parts.elites and not steps.are_distances
 
-        def sequence() -> AnnealedSequence:
-            bare = steps.bare(self.costs, self.incumbent.problem.graph)
-            return AnnealedSequence(bare, self.parts.shares, state)
-
-        thread: AnnealThread | EliteThread | TurnsThread
+        shares, graph = self.parts.shares, self.incumbent.problem.graph
+        luby = LubyAnnealer(
+            bare=steps.bare(self.costs, graph), shares=shares, state=state, scale=steps.scale,
+            long=long, last_share=0.0 if by_elites else _BEFORE_WINDOWS,
+        )  # fmt: skip
+        luby.begin(self.incumbent, FIRST)
         if not by_elites:
-            thread = AnnealThread(sequence(), steps.scale, long)
-            if self.parts.windows:
-                thread.last_share = _BEFORE_WINDOWS
-        elif long or not self.parts.luby:
-            thread = EliteThread(sequence(), steps, self.least_gain, long)
-        else:
-            thread = TurnsThread((
-                AnnealThread(sequence(), steps.scale, long, last_share=0.0),
-                EliteThread(sequence(), steps, self.least_gain, long),
-            ))  # fmt: skip
-        thread.meet(self.incumbent)
-        return thread
+            if not self.parts.windows:
+                luby.last_share = ALL
+            return luby
+        elites = EliteAnnealer(
+            bare=steps.bare(self.costs, graph), shares=shares, state=state, steps=steps,
+            least_gain=self.least_gain, long=long,
+        )  # fmt: skip
+        elites.begin(self.incumbent, LEAST)
+        return elites if long or not self.parts.luby else TurnsThread((luby, elites))
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import below, log_uniform, uniform
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.annealing import AnnealedSequence, quenched
+from decmcts.search.sop.annealing import Annealer, LubyAnnealer, quenched
 
 _NODES = (20, 300)  # of a window, log-uniform
 _HOT = (0.4, 1.0)  # first temperature in a window, in scales, log-uniform
@@ -27,70 +27,70 @@ _ENDS = 0.95  # share of the budget at which it is 0
 _BEHIND = 10.0  # of those temperatures; further behind, it goes on from the incumbent
 
 
-@dataclass(slots=True)
-class WindowThread:
+@dataclass(slots=True, kw_only=True)
+class WindowAnnealer(Annealer):
     """Window after window of one sequence, each anywhere, accepted by the Metropolis rule."""
 
-    sequence: AnnealedSequence
     scale: float  # of temperatures
     began: float  # budget spent when it began
     _schedule: TemperatureSchedule | None = None  # in the present window
     _nodes: NDArray[np.int32] | None = None  # its nodes as they were
-    _cost: float = np.inf  # of the sequence before it
+    _kept: float = np.inf  # cost of the sequence before it
     _worse: float = 0.0  # temperature at which a worse window is accepted
 
     @staticmethod
-    def of(sequence: AnnealedSequence, scale: float, incumbent: Incumbent) -> WindowThread:
-        """Go on from the incumbent."""
-        sequence.take(incumbent.order, incumbent.cost)
-        sequence.best = incumbent.cost
-        return WindowThread(sequence, scale, incumbent.spent, _cost=incumbent.cost)
-
-    @property
-    def best(self) -> float:
-        """Least cost seen where the temperature changes."""
-        return self.sequence.best
+    def after(annealer: LubyAnnealer, incumbent: Incumbent) -> WindowAnnealer:
+        """Take the place of an annealer, and go on from the incumbent."""
+        windows = WindowAnnealer(
+            bare=annealer.bare, shares=annealer.shares, state=annealer.state,
+            scale=annealer.scale, began=incumbent.spent,
+        )  # fmt: skip
+        windows._restart(incumbent)
+        return windows
 
     def work(self, quota: int, spent: float) -> int:
         """Make `quota` proposals, in as many windows as that takes."""
-        left, sequence = quota, self.sequence
         share = (spent - self.began) / max(_ENDS - self.began, 1e-9)
         self._worse = _WORSE * self.scale * max(1.0 - share, 0.0)
-        while left > 0:
-            if self._schedule is None:
-                self._schedule = self._begin()
-            left -= sequence.anneal(quenched(self._schedule, sequence.done / sequence.length), left)
-            if sequence.ended:
-                self._end()
-        return quota
+        return Annealer.work(self, quota, spent)
+
+    def temperature(self, spent: float) -> float:
+        """Return the temperature at which the present window goes on; choose one if there is none.
+
+        Then mutates the generator.
+        """
+        if self._schedule is None:
+            self._schedule = self._begin()
+        return quenched(self._schedule, self.done / self.length)
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen; go on from the incumbent if far behind it."""
-        self.sequence.offer_to(incumbent)
-        if incumbent.cost < self._cost - _BEHIND * self._worse:
-            self.sequence.take(incumbent.order, incumbent.cost)
-            self.sequence.best = self._cost = incumbent.cost
-            self._schedule = None
+        Annealer.meet(self, incumbent)
+        if incumbent.cost < self._kept - _BEHIND * self._worse:
+            self._restart(incumbent)
+
+    def _restart(self, incumbent: Incumbent) -> None:
+        self.take(incumbent.order, incumbent.cost)
+        self.best = self._kept = incumbent.cost
+        self._schedule = None
 
     def _begin(self) -> TemperatureSchedule:
         """Choose the next window; return its temperatures."""
-        sequence, state = self.sequence, self.sequence.state
-        order = sequence.bare.order
+        state, order = self.state, self.bare.order
         nodes = min(int(log_uniform(state, *_NODES)), len(order) - 1)
-        sequence.first = int(below(state, len(order) - nodes))
-        sequence.last = sequence.first + nodes
-        sequence.length, sequence.done = _LENGTH * nodes, 0
-        self._nodes = order[sequence.first : sequence.last + 1].copy()
-        self._cost = sequence.cost
+        self.first = int(below(state, len(order) - nodes))
+        self.last = self.first + nodes
+        self.length, self.done = _LENGTH * nodes, 0
+        self._nodes = order[self.first : self.last + 1].copy()
+        self._kept = self.cost
         hot = log_uniform(state, *_HOT)
         return TemperatureSchedule(hot * self.scale, _COLD * self.scale)
 
-    def _end(self) -> None:
+    def end(self, spent: float) -> None:
         """Keep what the window has become, or put it back."""
-        sequence, nodes = self.sequence, self._nodes
+        nodes, rise = self._nodes, self.cost - self._kept
         assert nodes is not None
         self._schedule = None
-        rise = sequence.cost - self._cost
-        if rise > 0.0 and rise >= -self._worse * math.log(uniform(sequence.state)):
-            sequence.take(nodes, self._cost, at=sequence.first)
-        self._cost = sequence.cost
+        if rise > 0.0 and rise >= -self._worse * math.log(uniform(self.state)):
+            self.take(nodes, self._kept, at=self.first)
+        self._kept = self.cost

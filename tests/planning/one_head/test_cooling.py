@@ -19,7 +19,7 @@ from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import unheard
-from decmcts.planning.one_head.cooling import CLOSE, search_cooled
+from decmcts.planning.one_head.order_search import CLOSE, search_cooled
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries

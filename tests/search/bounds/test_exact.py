@@ -13,8 +13,7 @@ from decmcts._kernels.sequence.entries import visits_cost
 from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.bounds.exact import Capacity, Optimum, Patience, solve_exactly
-from decmcts.search.hybrid.exact import Exact
-from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Stopping

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
-from decmcts._kernels.sequence.tour import respects, tour_cost
+from decmcts._kernels.sequence.tour import respects
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
-from tests.search.problems import random_problem
+from tests.search.problems import random_problem, tour_cost
 
 
 def as_sliced(problem: OrderProblem) -> Sequence:

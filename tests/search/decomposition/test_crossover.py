@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.decomposition.blocks import Sequence
-from decmcts.search.decomposition.crossover import crossover
-from tests.search.decomposition.test_contraction import found, varied
+from decmcts.search.decomposition.blocks import Sequence, crossover
+from tests.search.problems import found, varied
 
-CASES = [0, 1, 2, 3, 4, 5, 6, 7]  # points, loops, seconds, bare costs, twice; see `varied`
+CASES = [0, 1, 2, 3, 4, 5]  # points, loops, seconds, twice; see `varied`
 
 
 def best_of_all_choices(sequences: list[Sequence]) -> float:
@@ -96,8 +95,7 @@ def test_several_sequences_are_joined_better_than_two_at_a_time() -> None:
 
 def test_on_ties_the_first_is_followed() -> None:
     """Else equal seeds might end in unlike sequences of equal cost."""
-    costs = np.ones((60, 60))
-    problem = replace(varied(3), costs=costs)
+    problem = replace(varied(3), start=np.zeros((60, 3)), end=np.zeros((60, 3)))
     one = found(problem, 1, iterations=10)
     other = mutated(one, 2, 6)
     assert (one.order != other.order).any()

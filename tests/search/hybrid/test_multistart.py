@@ -16,7 +16,6 @@ from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart
-from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
@@ -72,7 +71,7 @@ def test_stays_within_layers_once_that_is_ahead(
     most = planner.multistart.most
     assert rounds == [[False, True], *[[ahead, True]] * (most - 1)]
     assert heats == [heats[0]] * most  # the best is better by then, but no cooler
-    pools = pools[: 2 * most]  # then come neighbourhoods
+    pools = pools[: 2 * most]  # then come windows
     assert pools[::2] == [1 + 2 * (number + 1) for number in range(most)]
     assert pools[1::2] == [2 + (2 if ahead else 1) * number for number in range(most)]
 
@@ -83,7 +82,7 @@ def search_of(problem: OrderProblem, iterations: int) -> Iterator[Search]:
     stopping = Stopping(iterations=iterations)
     incumbent = Incumbent(problem, clock=lambda: 0.0, stopping=stopping)
     with open_threads(2, 0) as threads:
-        yield Search(incumbent, threads, Trees())
+        yield Search(incumbent, threads)
 
 
 @pytest.mark.parametrize(("at_most", "steps", "several"), [(100, 400, True), (100, 100, False),
@@ -104,7 +103,7 @@ def test_entries_of_loops_make_rounds_longer(loops: bool, expected: int) -> None
     One long annealing ended 2 % lower on a real print with seams than six short ones.
     """
     problem = random_problem(5, 60, density=0.05)
-    with search_of(with_loops(problem, 5) if loops else problem, 70_000) as search:
+    with search_of(with_loops(problem, 5) if loops else problem, 53_500) as search:
         assert Multistart(steps=100.0).rounds(search) == expected
 
 

@@ -12,7 +12,6 @@ from decmcts.search.decomposition.threads import anneal_blocks
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
@@ -21,10 +20,7 @@ from tests.search.problems import random_problem
 NO_STARTS = Multistart(always=10, at_most=10)
 
 
-@pytest.mark.parametrize("trees", [None, Trees()])
-def test_goes_on_from_the_best_of_what_it_has_half_way(
-    monkeypatch: pytest.MonkeyPatch, trees: Trees | None
-) -> None:
+def test_goes_on_from_the_best_of_what_it_has_half_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """A large print half-way is still warm and may cost more than the first, fast annealing."""
     begun: list[tuple[float, float]] = []
 
@@ -36,7 +32,7 @@ def test_goes_on_from_the_best_of_what_it_has_half_way(
 
     monkeypatch.setattr("decmcts.search.hybrid.partition.anneal_blocks", watched)
     hardly_cooled = Partition(warm=1.4)
-    planner = Hybrid(multistart=NO_STARTS, partition=hardly_cooled, trees=trees)
+    planner = Hybrid(multistart=NO_STARTS, partition=hardly_cooled)
     problem = random_problem(5, 300, density=0.01)
     plan_order(problem, planner=planner, stopping=Stopping(iterations=200_000), seed=0)
     assert len(begun) == 3

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.multistart import Multistart
-from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.hybrid.search import Phase, Search
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.sequence.problem import OrderProblem
@@ -80,7 +79,7 @@ def test_phases_follow_one_another_and_the_first_that_ends_the_search_is_the_las
 @pytest.mark.parametrize(
     ("always", "expected"),
     [
-        (1000, "Starts Exact LayeredStart Multistart Neighbourhoods Descent"),
+        (1000, "Starts Exact LayeredStart Multistart Windows Descent"),
         (1, "Starts Exact LayeredStart Partition Descent"),
     ],
 )

@@ -12,15 +12,15 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
+from decmcts.search.sequence.greedy import layer_runs
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.starts.layerwise import layer_runs
 from tests.search.problems import random_problem, started, with_loops
 
 
 def begun(problem: OrderProblem) -> Search:
     """A search after its starts."""
     with open_threads(1, 0) as threads:
-        search = Search(started(problem), threads, None)
+        search = Search(started(problem), threads)
     list(Starts().run(search))
     return search
 

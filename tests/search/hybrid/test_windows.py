@@ -19,8 +19,7 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.bounds.test_exact import kinds
-from tests.search.decomposition.test_contraction import found, varied
-from tests.search.problems import choices, price, random_problem
+from tests.search.problems import choices, found, price, random_problem, varied
 
 
 def solved(

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from decmcts.search.sequence.greedy import Greedy
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Progress, Stopping
-from decmcts.search.starts.greedy import Greedy
 from tests.search.problems import random_problem
 
 

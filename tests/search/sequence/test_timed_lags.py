@@ -22,15 +22,14 @@ from decmcts._kernels.sequence.moves import (
     reversal_allowed,
     swap_allowed,
 )
-from decmcts._kernels.sequence.tour import respects, tour_cost
+from decmcts._kernels.sequence.tour import respects
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import KEEP_LAGS, PLANNERS, plan_order, toolpath_cost
-from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
-from tests.search.problems import random_problem, started, with_loops
+from tests.search.problems import random_problem, sliced_tour, started, tour_cost, with_loops
 
 
 def problem_with_lags(seed: int, n: int, *, density: float, longest: float = 6.0) -> OrderProblem:
@@ -48,10 +47,6 @@ def problem_with_lags(seed: int, n: int, *, density: float, longest: float = 6.0
     )
     seconds = rng.choice([0.3, 1.0, 2.5], n)
     return replace(problem, timed_lags=TimedLags.kept_by_source(lags, seconds))
-
-
-def tour_for(problem: OrderProblem) -> Tour:
-    return tour_of(started(problem), near_ports(problem))
 
 
 def keeps(problem: OrderProblem, order: np.ndarray) -> bool:
@@ -74,7 +69,7 @@ def is_on_time(tour: Tour) -> bool:
 
 def walked(problem: OrderProblem, seed: int, steps: int = 300) -> Tour:
     """A tour that is no longer the source's."""
-    tour = tour_for(problem)
+    tour = sliced_tour(problem)
     anneal(tour, seeded(seed), 100.0, steps)
     return tour
 
@@ -117,7 +112,7 @@ def test_annealing_and_descent_keep_time(seed: int, n: int, density: float, loop
     problem = problem_with_lags(seed, n, density=density)
     if loops:
         problem = with_loops(problem, 3)
-    tour = tour_for(problem)
+    tour = sliced_tour(problem)
     before = tour_cost(tour.metric, tour.order, tour.reversed)
     total = anneal(tour, seeded(seed), 5.0, 2000)
     for p in range(0, n - 2, 3):
@@ -139,12 +134,15 @@ def test_every_planner_leaves_time(planner: str) -> None:
     assert keeps(problem, result.toolpath.order)
     assert result.cost < result.source_cost or planner not in KEEP_LAGS
     assert result.cost <= result.source_cost
-    free = plan_order(
-        replace(problem, timed_lags=None), planner=planner, seed=1,
-        stopping=Stopping(iterations=20_000),
-    )  # fmt: skip
-    if planner != "slicer":
-        assert not keeps(problem, free.toolpath.order)
+    if planner != "slicer":  # without lags some search ends in an order that breaks them
+        free = [
+            plan_order(
+                replace(problem, timed_lags=None), planner=planner, seed=seed,
+                stopping=Stopping(iterations=20_000),
+            ).toolpath.order
+            for seed in range(4)
+        ]  # fmt: skip
+        assert not all(keeps(problem, order) for order in free)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -152,7 +150,7 @@ def test_hybrid_finds_the_optimum_of_small_prints(seed: int) -> None:
     """Against every order there is; without directions, so that an order has one cost."""
     problem = problem_with_lags(seed, 7, density=0.12, longest=4.0)
     problem = replace(problem, reversible=np.zeros(7, np.bool_))
-    graph, tour = problem.graph, tour_for(problem)
+    graph, tour = problem.graph, sliced_tour(problem)
     is_reversed, least = np.zeros(7, np.uint8), np.inf
     for row in permutations(range(7)):
         order = np.array(row, np.int32)

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts._kernels.sequence.entries import choose_visits
-from decmcts._kernels.sequence.tour import respects, tour_cost
-from tests.search.problems import random_problem
+from decmcts._kernels.sequence.tour import respects
+from tests.search.problems import random_problem, tour_cost
 
 
 @settings(max_examples=50, deadline=None)

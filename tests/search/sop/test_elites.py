@@ -7,8 +7,8 @@ import numpy as np
 from decmcts._kernels.random import seeded
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.annealing import SHARES, AnnealedSequence, NearSteps
-from decmcts.search.sop.elites import Elites, EliteThread
+from decmcts.search.sop.annealing import SHARES, NearSteps
+from decmcts.search.sop.elites import EliteAnnealer, Elites
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.solver import search_sop
 
@@ -52,16 +52,18 @@ def test_a_thread_keeps_precedence_and_knows_what_its_sequence_costs() -> None:
     mine = np.ascontiguousarray(costs[np.ix_(precedence.original, precedence.original)])
     steps = NearSteps.of(mine, mine, precedence.possible)
     graph = DependencyGraph.from_pairs(30, precedence.pairs)
-    sequence = AnnealedSequence(steps.bare(mine, graph), SHARES, seeded(0))
-    sequence.take(sequence.bare.order.copy(), cost_of(mine, sequence.bare.order))
-    sequence.length = 2_000
-    thread = EliteThread(sequence, steps, least_gain=0.5, long=False)
+    thread = EliteAnnealer(
+        bare=steps.bare(mine, graph), shares=SHARES, state=seeded(0), steps=steps, least_gain=0.5,
+        long=False,
+    )  # fmt: skip
+    thread.take(thread.bare.order.copy(), cost_of(mine, thread.bare.order))
+    thread.length = 2_000
     for slice_ in range(40):
         assert thread.work(50_000, slice_ / 40) == 50_000
-        order = sequence.bare.order
+        order = thread.bare.order
         position = np.argsort(order)
         assert (position[precedence.pairs[:, 0]] < position[precedence.pairs[:, 1]]).all()
-        assert cost_of(mine, order) == sequence.cost
+        assert cost_of(mine, order) == thread.cost
     assert thread.best < 1.2 * np.sort(mine, axis=1)[:-1, 1].sum()
 
 

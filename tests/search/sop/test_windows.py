@@ -10,15 +10,15 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.annealing import SHARES, AnnealedSequence, NearSteps
+from decmcts.search.sop.annealing import SHARES, LubyAnnealer, NearSteps
 from decmcts.search.sop.solver import search_sop
 from decmcts.search.sop.threads import Parts
-from decmcts.search.sop.windows import WindowThread
+from decmcts.search.sop.windows import WindowAnnealer
 from tests.search.sop.test_annealing import layered
 from tests.search.sop.test_elites import cost_of
 
 
-def thread(layers: int, contours: int, seed: int) -> tuple[WindowThread, Incumbent]:
+def thread(layers: int, contours: int, seed: int) -> tuple[WindowAnnealer, Incumbent]:
     """Return a thread that begins with the nodes by number, and who keeps the best."""
     precedence, costs = layered(layers, contours, seed)
     graph = DependencyGraph.from_pairs(len(costs), precedence.pairs)
@@ -26,18 +26,21 @@ def thread(layers: int, contours: int, seed: int) -> tuple[WindowThread, Incumbe
     incumbent = Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(None, 10), report=None)
     incumbent.offer(np.arange(len(costs), dtype=np.int32), incumbent.reversed)
     steps = NearSteps.of(costs, costs, precedence.possible)
-    sequence = AnnealedSequence(steps.bare(costs, graph), SHARES, seeded(seed))
-    return WindowThread.of(sequence, steps.scale, incumbent), incumbent
+    before = LubyAnnealer(
+        bare=steps.bare(costs, graph), shares=SHARES, state=seeded(seed), scale=steps.scale,
+        long=True,
+    )  # fmt: skip
+    return WindowAnnealer.after(before, incumbent), incumbent
 
 
 @pytest.mark.parametrize(("layers", "contours"), [(1, 2), (4, 9), (12, 40)])
 def test_costs_and_precedence_hold_however_slices_cut_windows(layers: int, contours: int) -> None:
     windows, incumbent = thread(layers, contours, seed=5)
-    sequence, began = windows.sequence, incumbent.cost
-    bare, pairs = sequence.bare, layered(layers, contours, seed=5)[0].pairs
+    began = incumbent.cost
+    bare, pairs = windows.bare, layered(layers, contours, seed=5)[0].pairs
     for slice_ in range(60):
         assert windows.work(7_777, slice_ / 60) == 7_777
-        assert sequence.cost == pytest.approx(cost_of(bare.costs, bare.order), abs=1e-6)
+        assert windows.cost == pytest.approx(cost_of(bare.costs, bare.order), abs=1e-6)
         assert sorted(bare.order) == list(range(len(bare.order)))
         np.testing.assert_array_equal(bare.position[bare.order], np.arange(len(bare.order)))
         assert (bare.position[pairs[:, 0]] < bare.position[pairs[:, 1]]).all()
@@ -52,8 +55,8 @@ def test_when_cold_no_worse_window_is_kept() -> None:
     ends = []
     for _ in range(100):
         windows.work(20_000, 1.0)
-        windows.work(windows.sequence.length - windows.sequence.done, 1.0)
-        ends.append(windows.sequence.cost)
+        windows.work(windows.length - windows.done, 1.0)
+        ends.append(windows.cost)
     assert ends == sorted(ends, reverse=True)
     assert ends[-1] < ends[0]
 
@@ -66,10 +69,10 @@ def test_a_thread_far_behind_goes_on_from_the_incumbent() -> None:
     ahead.meet(incumbent)
     behind.work(777, 0.9)
     behind.meet(incumbent)
-    np.testing.assert_array_equal(behind.sequence.bare.order, incumbent.order)
+    np.testing.assert_array_equal(behind.bare.order, incumbent.order)
     behind.work(777, 0.9)
-    bare = behind.sequence.bare
-    assert behind.sequence.cost == pytest.approx(cost_of(bare.costs, bare.order))
+    bare = behind.bare
+    assert behind.cost == pytest.approx(cost_of(bare.costs, bare.order))
 
 
 def test_windows_after_a_long_annealing_find_more_than_a_longer_one() -> None:

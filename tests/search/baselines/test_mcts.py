@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.tour import longest_hop, respects, tour_cost
-from decmcts._kernels.trees.tree import (
+from decmcts._kernels.sequence.tour import longest_hop, respects
+from decmcts._kernels.trees.clusters import (
     NO_NODE,
     ROOT,
     new_tree,
@@ -20,8 +20,8 @@ from decmcts._kernels.trees.tree import (
     simulate_many,
     with_room,
 )
-from decmcts.search.decomposition.clustered import clustered_problem, fresh_rollout
-from tests.search.problems import random_problem
+from decmcts.search.baselines.mcts import clustered_problem, fresh_rollout
+from tests.search.problems import random_problem, tour_cost
 
 
 @given(

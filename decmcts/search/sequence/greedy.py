@@ -1,4 +1,4 @@
-"""The planner `greedy`: nearest feasible contour, within height buffers of several sizes.
+"""The planner `greedy`: nearest feasible contour, within height buffers or layers.
 
 References
 ----------
@@ -69,3 +69,15 @@ def nearest_feasible(
         buffer,
         slab,
     )
+
+
+def nearest_in_layers(incumbent: Incumbent) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return order and directions of the nearest-feasible rule, layer after layer."""
+    runs = layer_runs(incumbent.problem.layer)
+    return nearest_feasible(incumbent, runs.astype(np.float64), buffer=0.0)
+
+
+def layer_runs(layer: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the number of each contour's maximal run of equal layers, from 0, (n,)."""
+    change = np.diff(layer) != 0
+    return np.concatenate([[0], np.cumsum(change)]).astype(np.int32)[: len(layer)]

@@ -1,1 +1,0 @@
-"""Orders to begin with."""
