@@ -234,20 +234,6 @@ def test_small_teams_are_held_against_brute_force(tmp_path):
     assert f"Reached in {row['reached']} of 1 runs" in (tmp_path / "small_teams.md").read_text()
 
 
-@pytest.mark.slow
-def test_late_heads_meet_by_the_clock_alone(run, tmp_path):
-    """The smallest run of the delay experiment: one machine, no plate."""
-    options = ["--models", "", "--random", "2", "--runs", "3"]
-    run("late_heads", options, tmp_path)
-    written = (tmp_path / "late_heads.csv").read_text()
-    rows = list(csv.DictReader(written.splitlines()))
-    assert len(rows) == 10
-    assert all(row["ours_contacts"] == row["ours_too_near"] == "0" for row in rows)
-    assert any(int(row["clock_contacts"]) for row in rows)
-    run("late_heads", options, tmp_path)
-    assert (tmp_path / "late_heads.csv").read_text() == written
-
-
 def test_rows_of_a_newer_benchmark_may_have_more_columns(tmp_path):
     """A figure under another column's name would be worse than none."""
     path = tmp_path / "rows.csv"

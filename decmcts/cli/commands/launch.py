@@ -39,12 +39,12 @@ from decmcts.planning.problem.slicing import PRINTED, Chosen, Slicing
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.outcome import lines_of
-from decmcts.planning.team.parameters import read_parameters
 from decmcts.planning.writing.file_times import is_longer
 from decmcts.planning.writing.heads import head_files, stem_of
 from decmcts.planning.writing.lines import cooling_line, source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.samples import sample_path
+from decmcts.team.dec_mcts.parameters import read_parameters
 from decmcts.team.engine.space import eligibility
 from sim.pictures.layer_travels import require_layer
 

@@ -1,11 +1,10 @@
 """How fast a team can be at best: a lower bound on the makespan.
 
-The bound is the largest of six:
+The bound is the largest of five:
 
 - all printing, shared evenly;
 - what heads on one rail can print at once (`decmcts.team.bounds.rail_bound`);
 - what two heads that no rail joins can print at once (`decmcts.team.bounds.pair_bound`);
-- what lies where only one head fits at a time (`decmcts.team.bounds.window_bound`);
 - the longest chain of the dependency graph;
 - what only one head can print.
 
@@ -43,7 +42,6 @@ from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, t
 from decmcts.team.bounds.pair_bound import pair_bound
 from decmcts.team.bounds.rail_bound import Held, rail_bound
 from decmcts.team.bounds.run_on import saved_by_running_on
-from decmcts.team.bounds.window_bound import window_bound, window_of
 from decmcts.team.engine.order import MOST_PIECES, PIECE_MM
 from decmcts.team.engine.space import eligibility
 
@@ -59,7 +57,6 @@ class Bound:
     shared_s: float  # all printing, shared as well as the heads' room allows
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
-    window_s: float  # most work where only one head fits at a time
     bound_s: float  # no plan of these heads, in such pieces, prints faster
 
 
@@ -104,23 +101,8 @@ def makespan_bound(
     shared = max(even, _of_pair(job, machine, parts, entries))
     if rail:
         shared = max(shared, _on_rail(job, machine, parts, entries, shares))
-    window = _in_window(job, machine, parts)
-    bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
-    return Bound(serial, travelled, shared, chain, exclusive, window, bound)
-
-
-def _in_window(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> float:
-    """Return the most work where only one head fits at a time; 0 for one head.
-
-    `parts` are the seconds of the segment ending at each point, here and below.
-    """
-    contours = job.contours
-    if len(machine.heads) < 2 or not len(contours):
-        return 0.0
-    seconds = parts.copy()
-    seconds[contours.offsets[:-1]] = 0.0
-    size = window_of(machine, float(np.ptp(contours.points[:, 2])))
-    return window_bound(contours.points, seconds, size)
+    bound = max(shared, chain, exclusive) * (1.0 - SAFETY)
+    return Bound(serial, travelled, shared, chain, exclusive, bound)
 
 
 def _on_rail(
@@ -130,7 +112,10 @@ def _on_rail(
     entries: SeamEntries | None,
     shares: TravelShares,
 ) -> float:
-    """Return the bound of heads that are all in order along one rail; 0 where they are not."""
+    """Return the bound of heads that are all in order along one rail; 0 where they are not.
+
+    `parts` are the seconds of the segment ending at each point, here and below.
+    """
     names = {head.name for head in machine.heads}
     rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
     if rail is None or len(names) < 2:

@@ -18,8 +18,8 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
-from decmcts.team.engine.first_policies import first_policies_s
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
+from decmcts.team.engine.resolve import first_policies_s
 from decmcts.team.schedule.entries import OrderChoices, agreed_job
 
 Ints = NDArray[np.int32]
