@@ -130,7 +130,7 @@ class TeamIncumbent(Incumbent):
         Parameters
         ----------
         order : NDArray[np.int32]
-            (n,) contours; where two heads are in each other's way, the first in this order goes
+            (n,) contours; where two heads want the same space, the first in this order goes
             first.
         head : NDArray[np.int32]
             (n,) which head prints each of them.

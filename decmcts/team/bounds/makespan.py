@@ -14,11 +14,11 @@ coming to rest at the contour's ends (`.run_on`). For several heads each contour
 its shares of the travels to and from it (`.least_travel`), but for the first and the last
 of a head. The chain counts no travel, since another head may print what comes next in it.
 
-Where heads give room back piece by piece (`release` "point") the bounds on a rail and of two
-heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
-`MOST_PIECES` pieces, each begun where its room has shrunk by `PIECE_MM`, and closed ones entered
-as sliced run as sliced. A plan that gives room back at every vertex may be faster; docs/team.md
-says by how much. The bound of two heads takes rooms as boxes, as plans here do.
+Where heads release reserved space piece by piece (`release` "point") the bounds on a rail and of
+two heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
+`MOST_PIECES` pieces, each begun where its space has shrunk by `PIECE_MM`, and closed ones entered
+as sliced run as sliced. A plan that releases space at every vertex may be faster; docs/team.md
+states by how much. The bound of two heads takes reserved spaces as boxes, as plans here do.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Bound:
 
     serial_s: float  # W: all printing one after the other, without travel
     travel_s: float  # what heads spend at least between contours, all together
-    shared_s: float  # all printing, shared as well as the heads' room allows
+    shared_s: float  # all printing, shared as well as the heads' reserved spaces allow
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
     bound_s: float  # no plan of these heads, in such pieces, prints faster
@@ -78,7 +78,7 @@ def makespan_bound(
     travel : bool
         Whether to count travel.
     rail : bool
-        Whether to count the room that heads take from each other along a rail, which takes a
+        Whether to count the space that heads reserve from each other along a rail, which takes a
         linear programme.
     """
     # by tool and reach alone: by boxes some head that fits would count as one that does not
@@ -145,7 +145,7 @@ def _held_along(
     parts: NDArray[np.float64],
     entries: SeamEntries | None,
 ) -> Held:
-    """Return what room along an axis is held, wherever loops may be entered."""
+    """Return what space along an axis is held, wherever loops may be entered."""
     held = _held(job, machine, parts, axis)
     if entries is not None and machine.release == "point":
         return _entered_anywhere(held, job.contours, parts, axis, entries)
@@ -184,7 +184,7 @@ def _with_travels(
 
 
 def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
-    """Return what room along an axis each piece of each contour holds, and for how long.
+    """Return what space along an axis each piece of each contour holds, and for how long.
 
     Pieces are those that `decmcts.team.engine.order` makes, of contours it may reverse.
     """

@@ -5,7 +5,7 @@ bit for bit, and agents compare its digest. A plan that orders all contours, ser
 stated, holds for all heads, if these can carry it out. Where a plan changes the order heads
 begin with, all changes of all heads together make one. Else the heads dispatch: each
 takes contours by its own plan's policy and shifts. Conflicts between heads are ordered,
-and heads in the way step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
+and heads at rest there step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ def unit_travels(
     """Return the path of each unit as if all were travels.
 
     What a printing unit gets here means nothing; its path is the contour's. A travel
-    that stays bare inside `walls` is not lifted, unless something printed is in its way.
+    that stays bare inside `walls` is not lifted, unless something printed is there.
     With `detours` those of one head go round outer walls; several reserve the space of
     straight travels. What is `printed` already is cleared by all of them.
     """
@@ -98,8 +98,8 @@ def _hops(
     )
     bent = np.flatnonzero(np.diff(bends.offsets))
     if len(bent):
-        ways = _paths(starts[bent], goals[bent], _of(bends, bent), ends[bent])
-        far[bent] = retracted_paths(walls, job.settings, ways.points, ways.offsets)
+        bowed = _paths(starts[bent], goals[bent], _of(bends, bent), ends[bent])
+        far[bent] = retracted_paths(walls, job.settings, bowed.points, bowed.offsets)
     top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
     lifted = np.minimum(ends + _hop_of(job, order), np.maximum(top, ends))
     return np.where(far, lifted, ends)
@@ -144,8 +144,8 @@ def _paths(
         return straight
     paths = np.split(straight.points, straight.offsets[1:-1])
     for m in bent:
-        way = bends.points[bends.offsets[m] : bends.offsets[m + 1]]
-        over = np.column_stack([way, np.full(len(way), level[m])])
+        corners_of = bends.points[bends.offsets[m] : bends.offsets[m + 1]]
+        over = np.column_stack([corners_of, np.full(len(corners_of), level[m])])
         ends = np.array([starts[m], goals[m]])
         above = ends.copy()
         above[:, 2] = level[m]
