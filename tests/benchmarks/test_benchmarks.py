@@ -48,7 +48,6 @@ SMALLEST = {  # script: (options, rows, files)
     "quality": (ONE, 4, ("quality.md", "quality.png")),
     "ledger": (ONE, 1, ("ledger.md",)),
     "simulated": ([*ONE, "--trials", "1"], 1, ("simulated.md",)),
-    "slower_heads": ([*ONE, "--slower", "1.2", "--moments", "0.1"], 1, ("slower_heads.md",)),
     "shared_parts": ([*ONE, "--cuts", "inside"], 1, ("shared_parts.md",)),
 }
 
