@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.joint import UNIT_PRINT
-from decmcts._kernels.engine.routes import Beads, Bends, Rows, travel_levels
+from decmcts._kernels.engine.routes import Bends, Rows, travel_levels
 from decmcts._kernels.geometry.travel import HeightField, deposit
 from decmcts._kernels.geometry.walls import Walls
 from decmcts.feasibility.packed_head import pack_contours, pack_head
@@ -52,8 +52,7 @@ def unit_travels(
     """
     starts, goals = _starts(order, space), order.target.copy()
     level = np.zeros(len(order.head))  # units that print keep it
-    packed = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
-    beads = Beads(packed.points, packed.offsets, packed.radius)
+    beads = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     alone = detours if len(machine.heads) == 1 else None
     bends = _bends(order, alone, starts, goals)
     units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
