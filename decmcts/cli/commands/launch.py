@@ -241,7 +241,7 @@ def show_joint(
     result: Result,
     title: str,
     paths: list[Path],
-    more: Sequence[str] = (),
+    more: Sequence[str | None] = (),
     *,
     verbose: bool = False,
 ) -> None:
