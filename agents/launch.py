@@ -1,14 +1,11 @@
 """Starts one process per head, watches them and collects the plan they agree on.
 
-`launch` is what `decmcts launch` calls. `python -m agents.launch` is that same
-command: reading, verifying and writing are the command line's business, which
-stands above this room, so it is run by name and not imported.
+`launch` is what `decmcts launch` calls. Reading, verifying and writing are done by
+`decmcts.planning`, which stands above this package.
 """
 
 from __future__ import annotations
 
-import runpy
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -95,13 +92,3 @@ def _checked(problem: TeamProblem, agreement: Agreement) -> LaunchResult:
         agreed, here = apart(agreement.digest, resolved.digest)
         raise LaunchError(f"the agreed plan {agreed} resolves to {here} here")
     return LaunchResult(agreement, resolved.toolpaths, problem.digest)
-
-
-def main() -> None:
-    """Run `decmcts launch` with the arguments of this program."""
-    sys.argv[0:1] = ["decmcts", "launch"]
-    runpy.run_module("decmcts.cli", run_name="__main__", alter_sys=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -81,7 +81,7 @@ class Runner:
                 if limits == self.limits:
                     self.carrier.take_plan(plan)
             if self.cut and not isinstance(self.transport, NoNetwork):
-                self.transport.__exit__(None, None, None)
+                self.transport.__exit__()
                 self.transport = NoNetwork()
             self._hear()
             self._speak()

@@ -79,7 +79,7 @@ def of_round(problem: TeamProblem, seed: int) -> Figures:
     heads = tuple(range(len(problem.machine.heads)))
     usual = Parameters.for_contours(len(problem.macro))
     planner = TeamPlanner(
-        problem, 0, seed=seed, parameters=replace(usual, policies=max(1, len(heads)))
+        problem, 0, seed=seed, parameters=replace(usual, tries=max(1, len(heads)))
     )
     compile_rounds()
     planner.iterate(heads)  # tries the policies

@@ -21,6 +21,7 @@ import math
 import os
 import queue
 import signal
+import sys
 import tempfile
 import threading
 import time
@@ -32,6 +33,9 @@ from typing import Any
 
 import numpy as np
 import trimesh
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from common import Rows, arguments, grouped, markdown, median, names, run_missing, setting
 from shared_by_many import source_for
 from team_prints import plate_path
@@ -48,7 +52,7 @@ from decmcts.planning.read import read
 from decmcts.planning.replanning.replan import replan, rest_of, rules_of
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
-from decmcts.planning.running.recorded import Carried, printed_twice
+from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
 from decmcts.print.machine import Point
@@ -56,6 +60,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_heads
 from sim.experiments.made_print import made_gcode
+from tests.makers.printed import printed_twice
 
 KEY = ("print", "kind", "number", "limit_s", "speed")
 FIGURES = (

@@ -10,8 +10,9 @@ best joint plan. *no messages*: no head learns what another plans; the best of t
 distributions nor joint plans. *one tree*: one central Monte Carlo tree over joint plans, of the
 same moves, in place of a tree and a distribution a head, and the same windows. *no windows*:
 joint orders are neither recreated nor polished; *one tree alone*: nor with one tree.
-*annealing*: of one joint order, `decmcts.team.baselines.annealing`. *no recreation*: orders are
-polished alone. *no piecewise release*: a head holds the room of a contour to its end.
+*annealing*: of one joint order (`decmcts/experiments/baselines/annealing.py`). *no recreation*:
+orders are polished alone. *no piecewise release*: a head holds the reserved space of a contour to
+its end.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """One planner of a team on one print: what the tables of teams are made of.
 
-    python benchmarks/team_run.py '{"plate": "mix_2", "heads": 2, "method": "auction", …}'
+    python benchmarks/team_run.py '{"plate": "mix_2", "heads": 2, "method": "annealing", …}'
 
 Prints one JSON object. Called by `teams.py`, `team_growth.py` and `team_ablation.py`, a
 process a run, so that memory and processor time are its own. `cpu_s` is processor
@@ -26,14 +26,14 @@ from common import own_process
 from team_prints import swept_problem, team_problem
 
 from agents.launch import launch
+from decmcts.experiments.baselines import annealing, policies
+from decmcts.experiments.baselines.one_tree import OneTree
+from decmcts.experiments.teams import Plan, in_one_process
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.plan import JointPlan
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.baselines.incumbent import Budget
-from decmcts.team.baselines.one_tree import OneTree
-from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.dec_mcts.parameters import changed
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
@@ -41,11 +41,13 @@ from decmcts.team.dec_mcts.rounds import plan_once
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
+from decmcts.team.incumbent import Budget
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 from tests.makers.random_teams import judged
 
 PROCESSES, TOGETHER = "processes", "one-process"
+BASELINES: dict[str, Plan] = {"greedy-dispatch": policies.plan, "annealing": annealing.plan}
 METHODS = (PROCESSES, TOGETHER, *BASELINES)
 Paths = tuple[Toolpath, ...]
 Figures = dict[str, Any]

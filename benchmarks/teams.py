@@ -4,7 +4,7 @@
 
 Two heads (`dual-gantry`) print the corpus' eight plates; four and eight heads on a rail
 print `wide`, 1200 mm of all eight (`team_prints.py`). Methods: Dec-MCTS as real processes
-and in one process, and `decmcts.team.baselines`. Makespans are those of the exact plans,
+and in one process, and `decmcts.experiments.baselines`. Makespans are those of the exact plans,
 each judged for every timing its order allows. pyrobopath is left out: it schedules paths
 with no rule for what must be printed before what lies on it or beside it, and without
 heads at rest; the judge would refuse its plans.
@@ -86,7 +86,7 @@ def medians(rows: list[dict[str, str]]) -> dict[str, float]:
 
 def of_prints(rows: list[dict[str, str]]) -> str:
     """Return a line for each print, number of heads and time: makespan ÷ bound of every method."""
-    there = [m for m in METHODS if any(r["method"] == m for r in rows)]
+    there = list(dict.fromkeys(r["method"] for r in rows))
     lines = []
     for (heads, cpu_s, plate), mine in grouped(rows, "heads", "cpu_s", "plate").items():
         over = {m: [float(r["over_bound"]) for r in mine if r["method"] == m] for m in there}
@@ -109,6 +109,9 @@ def report(rows: Rows, options: argparse.Namespace) -> str:
     text += "print; above 1 ours is ahead; *least*: on the print that is worst for ours. "
     text += "*Processor s*: what the search took; of `processes` what all agents took from start "
     text += "to end, reading the print included. *Faults*: of all plans, by the judge.\n"
+    gone = sorted({r["method"] for r in mine} - set(METHODS))
+    if gone:
+        text += f"\nHistory: {', '.join(gone)} are planners that the program had before.\n"
     for (heads, cpu_s), group in grouped(mine, "heads", "cpu_s").items():
         text += f"\n## {heads} heads, {float(cpu_s):g} s\n\n{of_heads(group)}"
     text += f"\n## Makespan ÷ bound by print\n\n{of_prints(mine)}"

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from decmcts.search.sequence.incumbent import Incumbent
     from decmcts.search.sequence.planner import Planner
     from decmcts.search.sop.solver import SopResult
-    from decmcts.team.baselines.offered import TeamIncumbent
+    from decmcts.team.incumbent import TeamIncumbent
     from decmcts.team.planner import TeamPlanner
     from decmcts.team.qcsp.solver import QcspResult
     from sim.faults import Fault, FaultKind, Verdict
@@ -103,7 +103,7 @@ _ROOMS = {
     "decmcts.search.sequence.planner": ("Planner",),
     "decmcts.search.sequence.incumbent": ("Incumbent",),
     "decmcts.search.sop.solver": ("SopResult",),
-    "decmcts.team.baselines.offered": ("TeamIncumbent",),
+    "decmcts.team.incumbent": ("TeamIncumbent",),
     "decmcts.team.planner": ("TeamPlanner",),
     "decmcts.team.qcsp.solver": ("QcspResult",),
     "sim.faults": ("Fault", "FaultKind", "Verdict"),

@@ -11,7 +11,6 @@ from __future__ import annotations
 import queue
 import sys
 from collections.abc import Mapping, Sequence
-from types import TracebackType
 from typing import Self
 
 from agents.launching.processes import PIPED, AgentProcess, Said
@@ -53,12 +52,7 @@ class Crew:
                 raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """End all of them, once."""
         self._end()
 

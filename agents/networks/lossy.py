@@ -9,7 +9,6 @@ import heapq
 import time
 from collections.abc import Sequence
 from itertools import count
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -31,14 +30,9 @@ class LossyTransport:
         self._inner.__enter__()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Leave it."""
-        self._inner.__exit__(kind, error, trace)
+        self._inner.__exit__(*error)
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
         """Send: what arrives is made worse by those who hear it."""

@@ -12,7 +12,6 @@ import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -141,12 +140,7 @@ class MemoryTransport:
         self.network.join(self)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Leave the network."""
         if self.network.transports.get(self.head) is self:
             self.network.kill(self.head)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Protocol, Self
 
 
@@ -69,12 +68,7 @@ class Transport(Protocol):
     def __enter__(self) -> Self:
         """Open the network and announce this head."""
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Leave the network."""
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
@@ -94,12 +88,7 @@ class NoNetwork:
         """Open nothing."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close nothing."""
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:

@@ -17,7 +17,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Self
 
 import zenoh
@@ -175,12 +174,7 @@ class ZenohTransport:
         closing.start()
         closing.join(CLOSE_S)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Send what waits (briefly), then close."""
         with self._ready:
             self._closing_until = time.monotonic() + FLUSH_S

@@ -3,7 +3,7 @@
 The theory of operation. Plans of one run are numbered. A head takes up plan n when it has done
 its share of plan n - 1; it says so in its reports, with the digest of n, and begins nothing of n
 until every head of n has said the same digest, and every head without a part in n that it has done
-its last plan, its way to its park, unless it was fenced since. So no head is ever two plans ahead,
+its last plan, its path to its park, unless it was fenced since. So no head is ever two plans ahead,
 and none carries out what another does not know. Numbers of dropped plans are not used again.
 
 Within a plan an action is released to the controller once all it waits for *has happened*: the

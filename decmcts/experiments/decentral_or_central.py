@@ -14,17 +14,16 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from agents.planners.team_planner import TeamPlanner
+from decmcts.experiments.baselines import annealing, one_tree
 from decmcts.experiments.in_memory import agreed, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import boxes, figure
 from decmcts.experiments.prints import names_of
 from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
-from decmcts.experiments.teams import figures, given, planned
+from decmcts.experiments.teams import Plan, figures, given, in_one_process, planned
 from decmcts.experiments.two_heads import machine_for
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
-from decmcts.team.baselines import annealing, auction, joint_tree, one_tree
-from decmcts.team.baselines.planners import Plan, in_one_process
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.problem import TeamProblem
 
@@ -34,9 +33,7 @@ MADE = ("row-6-20-20", "row-3-60-10")
 PLANNERS: Mapping[str, Plan] = {
     "dec-mcts": in_one_process,
     "one tree": one_tree.plan,
-    "joint-mcts": joint_tree.plan,
     "annealing": annealing.plan,
-    "auction": auction.plan,
 }
 NETWORKS = ((0.0, 0.0), (0.2, 0.5), (0.5, 1.0))  # loss, delay at most in s
 DECENTRAL, CENTRAL = "decentral", "central"

@@ -48,12 +48,12 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import state_of_events
-from decmcts.team.baselines.incumbent import PROCESSOR
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
+from decmcts.team.incumbent import PROCESSOR
 from sim.controllers.carry_out import carry_out
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.simulate import Simulation, simulate

@@ -20,13 +20,14 @@ from functools import lru_cache
 import numpy as np
 from matplotlib.figure import Figure
 
+from decmcts.experiments.baselines import one_tree, policies
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure
 from decmcts.experiments.prints import is_own, shown
 from decmcts.experiments.retimed import Old, retimed
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.stopped import ended_by, log_until, with_late_head
-from decmcts.experiments.teams import Given, bound_s, exact, given, given_by
+from decmcts.experiments.teams import Given, bound_s, exact, given, given_by, in_one_process
 from decmcts.experiments.two_heads import machine_for
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut, Rules
@@ -36,12 +37,10 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, state_of_events, state_of_heads
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.baselines import greedy_dispatch, one_tree
-from decmcts.team.baselines.incumbent import Budget
-from decmcts.team.baselines.planners import in_one_process
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.plans import TUNED, StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.incumbent import Budget
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.simulate import simulate
 
@@ -107,7 +106,7 @@ def _run(key: Key) -> Row:
 def _ways(what: Given, stopped: Stopped, key: Key) -> dict[str, Callable[[], tuple[Toolpath, ...]]]:
     """Return what plans the rest, by name, after each has run once: kernels are loaded then."""
     seed, budget = int(key["seed"]), Budget(stopping_of(key))
-    policies, once = Budget(Stopping(iterations=TUNED)), Budget(Stopping(iterations=1))
+    first, once = Budget(Stopping(iterations=TUNED)), Budget(Stopping(iterations=1))
     long = stopping_of({**key, **{n: LONG * key[n] for n in ("seconds", "iterations")}})
     team = what.team
     old = _old(stopped, team)
@@ -117,7 +116,7 @@ def _ways(what: Given, stopped: Stopped, key: Key) -> dict[str, Callable[[], tup
         in_one_process(problem, once, seed=0)
     return {
         RETIMED: lambda: retimed(team, old)[1].toolpaths,
-        "greedy": lambda: greedy_dispatch.plan(team, policies, seed=seed).toolpaths,
+        "greedy": lambda: policies.plan(team, first, seed=seed).toolpaths,
         "central": lambda: one_tree.plan(team, budget, seed=seed).toolpaths,
         "decentral": lambda: in_one_process(team, budget, seed=seed).toolpaths,
         "resumed": lambda: in_one_process(resumed, budget, seed=seed).toolpaths,

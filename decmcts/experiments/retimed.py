@@ -8,15 +8,14 @@ than the print did: then contours come as soon as they may.
 
 from __future__ import annotations
 
-from heapq import heapify, heappop, heappush
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.engine.sweep import not_before
 from decmcts.errors import InputError
-from decmcts.feasibility.graph import DependencyGraph
 from decmcts.team.engine.alone import nearest_first
 from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem
@@ -71,24 +70,11 @@ def _taken_over(team: TeamProblem, old: Old, *, balanced: bool, behind: bool) ->
     was = np.searchsorted(old.left, old.order.order[kept])
     turn, head = np.empty(len(was), np.int64), np.empty(len(was), np.int64)
     turn[was], head[was] = np.arange(len(was)), old.head[old.order.head[kept]]
-    order = _by_turn(team.graph, turn + len(turn) * ((head < 0) & behind))
+    due = turn + len(turn) * ((head < 0) & behind)
+    not_before(due, team.graph.pred_offsets, team.graph.preds)
+    order = np.argsort(due, kind="stable").astype(np.int32)
     _give(team, head, order, balanced=balanced)
     return StatedOrder(order, old.order.reversed[kept][turn[order]], head[order])
-
-
-def _by_turn(graph: DependencyGraph, turn: Ints) -> NDArray[np.int32]:
-    """Return contours by their turns, (n,), as far as what must come before allows."""
-    waits, order = np.diff(graph.pred_offsets), list[int]()
-    ready = [(int(turn[c]), c) for c in np.flatnonzero(waits == 0).tolist()]
-    heapify(ready)
-    while ready:
-        _, c = heappop(ready)
-        order.append(c)
-        for b in graph.succs[graph.succ_offsets[c] : graph.succ_offsets[c + 1]].tolist():
-            waits[b] -= 1
-            if not waits[b]:
-                heappush(ready, (int(turn[b]), b))
-    return np.array(order, np.int32)
 
 
 def _give(team: TeamProblem, head: Ints, order: NDArray[np.int32], *, balanced: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from decmcts._kernels.engine.lags import Lags
@@ -25,17 +25,20 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.baselines.incumbent import Budget, Found
-from decmcts.team.baselines.planners import Plan, in_one_process
 from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.incumbent import Budget, Found, Incumbent
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
 COLUMNS = ["times as fast", "at most", "waits %", "done early %"]
 STEPS = 20_000  # of one head's annealing for each round of a team
+
+Plan = Callable[..., Found]  # (problem, budget, *, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +73,16 @@ def given_by(problem: PrintProblem, cut: Cut = Cut.NONE) -> Given:
     start = None if found is None else found.order
     job, machine, graph = problem.job, problem.machine, problem.graph
     return Given(problem, lags, build_team_problem(job, machine, graph, lags, start))
+
+
+def in_one_process(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
+    """Return what all heads' Dec-MCTS find in turn; its iterations are rounds."""
+    heads = range(len(problem.machine.heads))
+    best = Incumbent(budget, len(heads))
+    proposal = plan_in_turn(problem, stopping=budget.stopping, seed=seed, clock=budget.clock)
+    found = resolve(problem, proposal.plans, heads)
+    best.offer_toolpaths(found.toolpaths, found.makespan_s)
+    return best.found
 
 
 def planned(what: Given, key: Key, by: Plan = in_one_process) -> tuple[PlanDocument, Found]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:  # options know planners, and load no compiler
-    from decmcts.team.baselines.offered import TeamIncumbent
+    from decmcts.team.incumbent import TeamIncumbent
 
 
 @runtime_checkable

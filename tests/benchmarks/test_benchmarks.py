@@ -48,7 +48,6 @@ SMALLEST = {  # script: (options, rows, files)
     "quality": (ONE, 4, ("quality.md", "quality.png")),
     "ledger": (ONE, 1, ("ledger.md",)),
     "simulated": ([*ONE, "--trials", "1"], 1, ("simulated.md",)),
-    "slower_heads": ([*ONE, "--slower", "1.2", "--moments", "0.1"], 1, ("slower_heads.md",)),
     "shared_parts": ([*ONE, "--cuts", "inside"], 1, ("shared_parts.md",)),
 }
 
@@ -232,20 +231,6 @@ def test_small_teams_are_held_against_brute_force(tmp_path):
     assert row["error"] == "" and row["complete"] == "1"
     assert float(row["first_s"]) >= float(row["ours_s"]) >= float(row["least_s"]) > 0.0
     assert f"Reached in {row['reached']} of 1 runs" in (tmp_path / "small_teams.md").read_text()
-
-
-@pytest.mark.slow
-def test_late_heads_meet_by_the_clock_alone(run, tmp_path):
-    """The smallest run of the delay experiment: one machine, no plate."""
-    options = ["--models", "", "--random", "2", "--runs", "3"]
-    run("late_heads", options, tmp_path)
-    written = (tmp_path / "late_heads.csv").read_text()
-    rows = list(csv.DictReader(written.splitlines()))
-    assert len(rows) == 10
-    assert all(row["ours_contacts"] == row["ours_too_near"] == "0" for row in rows)
-    assert any(int(row["clock_contacts"]) for row in rows)
-    run("late_heads", options, tmp_path)
-    assert (tmp_path / "late_heads.csv").read_text() == written
 
 
 def test_rows_of_a_newer_benchmark_may_have_more_columns(tmp_path):

@@ -21,10 +21,10 @@ from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Event, Note
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
-from decmcts.planning.running.recorded import printed_twice
 from decmcts.planning.running.run import RunResult, run
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_events
+from tests.makers.printed import printed_twice
 from tests.planning.replanning.conftest import Made
 from tests.planning.replanning.conftest import made as _made
 

@@ -1,13 +1,13 @@
-"""Heads at rest in the way of another: where they step aside to, on bare arrays.
+"""Heads at rest on the path of another: where they step aside to, on bare arrays.
 
-Machines differ: on one rail there is always room outwards as long as what lies
+Machines differ: on one rail there is always space outwards as long as what lies
 beyond can be pushed on; heads over one plane may shut each other in. So a state
 (where every head rests) counts as *safe* only if the heads can return to their
-parks one after the other, and units are put only if the state after them is
+parks one after the other, and units are placed only if the state after them is
 safe. From a safe state all heads can be parked; from there a contour can be
-printed by each head for which `way_from_parks` finds a way, and after that the
+printed by each head for which `path_from_parks` finds a path, and after that the
 state is safe again. So nothing ever gets stuck: this is the banker's algorithm
-(Dijkstra 1965, EWD 123) with room in the place of money.
+(Dijkstra 1965, EWD 123) with space in place of money.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def try_push(
     fleet: Fleet,
     steps: NDArray[np.float64],
 ) -> int:
-    """Move the heads that go, the farthest first (mutates at, rest, goes); how many, -1: no way.
+    """Move the heads that go, the farthest first (mutates at, rest, goes); how many, -1: no path.
 
     `steps` (heads, 4) gets who goes where: head, x, y, z.
     """
@@ -163,10 +163,10 @@ def find_steps_aside(
     fleet: Fleet,
     steps: NDArray[np.float64],
 ) -> int:
-    """Move heads aside until `room` of head r is clear (mutates at, rest); how many, -1: no way.
+    """Move heads aside until `room` of head r is clear (mutates at, rest); how many, -1: no path.
 
     `steps` (heads * heads, 4) gets who goes where, one after the other. Of the
-    directions along x and y each takes the one that is the least way for all.
+    directions along x and y each takes the one with the shortest paths of all.
     """
     heads, count = len(at), 0
     goals, goes = np.empty((heads, 3)), np.empty(heads, np.bool_)
@@ -180,13 +180,13 @@ def find_steps_aside(
             for sign in (-1, 1):
                 if not push(room, r, s, axis, sign, at, rest, fleet, goals, goes):
                     continue
-                way = np.abs(goals - at).sum()
-                if way >= least:
+                length = np.abs(goals - at).sum()
+                if length >= least:
                     continue
                 there, resting = at.copy(), rest.copy()
                 moved = try_push(room, r, axis, sign, goals, goes, there, resting, fleet, tried)
                 if moved > 0:
-                    least, best = way, moved
+                    least, best = length, moved
                     best_at[:], best_rest[:], best_steps[:] = there, resting, tried
         if best < 0:
             return -1
@@ -198,7 +198,7 @@ def find_steps_aside(
 
 @kernel
 def next_home(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) -> int:
-    """Return a head whose way to its park is clear; -1: none, or all are there."""
+    """Return a head whose path to its park is clear; -1: none, or all are there."""
     for t in range(len(at)):
         if np.all(at[t] == fleet.parks[t]):
             continue
@@ -241,14 +241,14 @@ def return_all(visits: Visits, fleet: Fleet, units: Units, heads: Heads) -> bool
 def room_for(
     r: int, c: int, is_reversed: bool, at: NDArray[np.float64], visits: Visits, fleet: Fleet
 ) -> Room:
-    """Room head r needs to go from where it stands, `at` (heads, 3), to a contour and print it."""
+    """Space that head r reserves to go from where it stands, `at` (heads, 3), and print c."""
     side = 1 if is_reversed else 0
-    way = room_of_travel((at[r, 0], at[r, 1], at[r, 2]), end_of(c, side, visits), fleet.ceiling)
-    return join_rooms(way, room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side]))
+    path = room_of_travel((at[r, 0], at[r, 1], at[r, 2]), end_of(c, side, visits), fleet.ceiling)
+    return join_rooms(path, room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side]))
 
 
 @kernel
-def way_from_parks(r: int, c: int, visits: Visits, fleet: Fleet) -> bool:
+def path_from_parks(r: int, c: int, visits: Visits, fleet: Fleet) -> bool:
     """Whether head r can print contour c while the others are parked or step aside, safely."""
     heads = len(fleet.parks)
     at, rest = fleet.parks.copy(), np.empty((heads, 6))
@@ -278,7 +278,7 @@ def is_in_way(r: int, room: Room, rest: NDArray[np.float64], fleet: Fleet) -> bo
 def step_aside(
     r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
-    """Let heads step aside so that r can print c (mutates units, heads); False: no safe way."""
+    """Let heads step aside so that r can print c (mutates units, heads); False: no safe path."""
     room = room_for(r, c, is_reversed, heads.at, visits, fleet)
     at, rest = heads.at.copy(), heads.rest.copy()
     steps = np.empty((len(at) * len(at), 4))
@@ -301,7 +301,7 @@ def print_next(
 ) -> bool:
     """Let head r print c, whatever has to step aside or return first (mutates units, heads).
 
-    False: not even with all others parked. All that c rests on must have been put.
+    False: not even with all others parked. All that supports c must have been placed.
     """
     room = room_for(r, c, is_reversed, heads.at, visits, fleet)
     possible = (fleet.lined and not is_in_way(r, room, heads.rest, fleet)) or step_aside_or_park(

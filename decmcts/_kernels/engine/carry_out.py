@@ -1,6 +1,6 @@
 """Carries out given sequences of several heads as one joint order, on bare arrays.
 
-Sequences with turns are one order of everything, put as it stands. Without turns
+Sequences with turns are one order of everything, placed as it stands. Without turns
 the heads are merged: of those whose next contour may be printed, the one that is
 there first goes first.
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.aside import print_next, return_all, room_for, way_from_parks
+from decmcts._kernels.engine.aside import path_from_parks, print_next, return_all, room_for
 from decmcts._kernels.engine.joint import NONE, Units, Visits, all_parked, new_units
 from decmcts._kernels.engine.rooms import Fleet, travel_seconds
 from decmcts._kernels.jit import inlined, kernel
@@ -54,7 +54,7 @@ def units_for(n: int, heads: int) -> Units:
 
 @kernel
 def is_ready(c: int, put: NDArray[np.bool_], visits: Visits) -> bool:
-    """Whether everything contour c rests on has been put."""
+    """Whether everything that supports contour c has been placed."""
     for k in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
         if not put[visits.preds[k]]:
             return False
@@ -63,7 +63,7 @@ def is_ready(c: int, put: NDArray[np.bool_], visits: Visits) -> bool:
 
 @kernel
 def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units, int]:
-    """Put everything; returns the units and OK, CONTRADICTED (the precedence) or SHUT_IN."""
+    """Place everything; returns the units and OK, CONTRADICTED (the precedence) or SHUT_IN."""
     heads, n = len(fleet.parks), len(sequences.order)
     units, state = units_for(n, heads), all_parked(len(visits.ends), fleet)
     put = np.zeros(len(visits.ends), np.bool_)
@@ -128,11 +128,11 @@ def rail_axis(fleet: Fleet) -> int:
 def is_let_in(
     r: int, c: int, axis: int, known: NDArray[np.float64], visits: Visits, fleet: Fleet
 ) -> bool:
-    """`way_from_parks` on a rail, where most answers follow from earlier ones (mutates known).
+    """`path_from_parks` on a rail, where most answers follow from earlier ones (mutates known).
 
-    Heads before r must make way for where its room begins, those behind it for where it
-    ends, and neither depends on the other. `known` has the least begin and the greatest end
-    that were possible, and the greatest begin and the least end that were not.
+    Heads before r must move aside for where its reserved space begins, those behind it for
+    where it ends, and neither depends on the other. `known` has the least begin and the greatest
+    end that were possible, and the greatest begin and the least end that were not.
     """
     room = room_for(r, c, False, fleet.parks, visits, fleet)
     begin, end = room[2 * axis], room[2 * axis + 1]
@@ -140,7 +140,7 @@ def is_let_in(
         return False
     if begin >= known[0] and end <= known[1]:
         return True
-    if way_from_parks(r, c, visits, fleet):
+    if path_from_parks(r, c, visits, fleet):
         known[0], known[1] = min(known[0], begin), max(known[1], end)
         return True
     if begin >= known[0]:
@@ -152,13 +152,13 @@ def is_let_in(
 
 @kernel
 def eligible_heads(reached: NDArray[np.bool_], visits: Visits, fleet: Fleet) -> NDArray[np.bool_]:
-    """Of the heads that reach each contour, those the others can make way for, (n, heads)."""
+    """Of the heads that reach each contour, those the others can move aside for, (n, heads)."""
     from_parks, axis = reached.copy(), rail_axis(fleet)
     for r in range(reached.shape[1]):
         known = np.array([np.inf, -np.inf, -np.inf, np.inf])
         for c in range(reached.shape[0]):
             if reached[c, r] and axis == NONE:
-                from_parks[c, r] = way_from_parks(r, c, visits, fleet)
+                from_parks[c, r] = path_from_parks(r, c, visits, fleet)
             elif reached[c, r]:
                 from_parks[c, r] = is_let_in(r, c, axis, known, visits, fleet)
     return from_parks

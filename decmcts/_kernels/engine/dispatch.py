@@ -3,7 +3,7 @@
 The head that is free first takes, of the contours it can begin at once, the one of
 least score. Where there is none it sleeps until it may begin one. Contours are grouped
 in columns, those of one part and one place along the machine. Of each column only the
-first contour left is a candidate, if all it rests on was put.
+first contour left is a candidate, if all that supports it was placed.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ class Policy(NamedTuple):
 
 
 class Pool(NamedTuple):
-    """What is left to do; written as contours are put."""
+    """What is left to do; written as contours are placed."""
 
     first: NDArray[np.int64]  # (columns,) row of `column` that may still be to do
-    missing: NDArray[np.int32]  # (n,) what it rests on that was not put
+    missing: NDArray[np.int32]  # (n,) what supports it and was not placed
     ready: NDArray[np.float64]  # (n,) when it may begin, once nothing is missing
     put: NDArray[np.bool_]  # (n,)
     column_of: NDArray[np.int32]  # (n,)
     open: NDArray[np.int64]  # (columns,) those whose first may be ready, in no order
     is_open: NDArray[np.bool_]  # (columns,) whether among these
-    newly_ready: NDArray[np.int64]  # (columns,) contours that the last one put made ready
+    newly_ready: NDArray[np.int64]  # (columns,) contours that the last one placed made ready
     counts: NDArray[np.int64]  # (2,) how many `open` and `newly_ready` there are
     decides_at: NDArray[np.float64]  # (heads,) each head decides no sooner, even if it is free
     last_contour: NDArray[np.int64]  # (heads,) contour it printed last; NONE
@@ -95,7 +95,7 @@ def write_keys(
 
 @kernel
 def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
-    """Nothing put yet."""
+    """Nothing placed yet."""
     n, columns = len(visits.ends), len(policy.column_offsets) - 1
     missing = np.empty(n, np.int32)
     for c in range(n):
@@ -174,7 +174,7 @@ def nearer_end(
 
 @inlined
 def first_of(column: int, policy: Policy, pool: Pool) -> int:
-    """First contour of a column not yet put; NONE: all were (mutates pool)."""
+    """First contour of a column not yet placed; NONE: all were (mutates pool)."""
     end = policy.column_offsets[column + 1]
     while pool.first[column] < end and pool.put[policy.column[pool.first[column]]]:
         pool.first[column] += 1
@@ -186,14 +186,14 @@ def room_free_from(
     r: int, u: int, back: bool, at: Point, start: float, visits: Visits, fleet: Fleet,
     units: Units, heads: Heads,
 ) -> float:  # fmt: skip
-    """When head r may at the earliest, from `start` on, have contour u's room and the way there.
+    """When head r may reserve contour u's space and the path there, from `start` on.
 
-    By the units put so far; units put later can only make it later.
+    By the units placed so far; units placed later can only make it later.
     """
     side = 1 if back else 0
-    way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
+    path = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
     held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
-    clear = clear_from(r, way, start, visits, fleet, units, heads)
+    clear = clear_from(r, path, start, visits, fleet, units, heads)
     both: float = clear_from(r, held, clear, visits, fleet, units, heads)
     return both
 
@@ -271,7 +271,7 @@ def choose(
 
 @kernel
 def first_left(lowest: int, pool: Pool) -> int:
-    """Lowest contour not yet put, from `lowest` on: everything it rests on was put."""
+    """Lowest contour not yet placed, from `lowest` on: all that supports it was placed."""
     while pool.put[lowest]:
         lowest += 1
     return lowest
@@ -346,7 +346,7 @@ def next_print(
 
 @kernel
 def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
-    """Print everything; returns the units in the order they were put and OK or SHUT_IN."""
+    """Print everything; returns the units in the order they were placed and OK or SHUT_IN."""
     heads, n = len(fleet.parks), len(visits.ends)
     units, state = units_for(n, heads), all_parked(n, fleet)
     pool = new_pool(visits, policy, heads)

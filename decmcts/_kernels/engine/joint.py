@@ -1,13 +1,13 @@
 """The joint order of any number of heads, built unit by unit, on bare arrays.
 
 A *unit* is one action: the print of one contour, a travel to one, a step aside,
-a return to the park. Units are put one after the other; each begins as early as
-its head, what its contour rests on and the room of the units put before it allow.
-So whatever is put, in whatever order that keeps the precedence, there is a joint
-order, and it has no cycle: a unit waits only for units put before it.
+a return to the park. Units are placed one after the other; each begins as early as
+its head, what supports its contour and the space reserved by units placed before it allow.
+So whatever is placed, in whatever order that keeps the precedence, there is a joint
+order, and it has no cycle: a unit waits only for units placed before it.
 
-A head that prints gives its room back piece by piece (`decmcts._kernels.geometry.pieces`).
-A head that rests where another wants to go steps aside first
+A head that prints releases its reserved space piece by piece (`decmcts._kernels.geometry.pieces`).
+A head at rest where another wants to go steps aside first
 (`decmcts._kernels.engine.aside`).
 """
 
@@ -50,7 +50,7 @@ class Visits(NamedTuple):
 
 
 class Units(NamedTuple):
-    """Units in the order they were put; rows from `used[0]` on are unused."""
+    """Units in the order they were placed; rows from `used[0]` on are unused."""
 
     head: NDArray[np.int32]  # (m,)
     kind: NDArray[np.int8]  # (m,)
@@ -65,13 +65,13 @@ class Units(NamedTuple):
 
 
 class Heads(NamedTuple):
-    """Where every head is after what was put so far; written as units are put."""
+    """Where every head is after what was placed so far; written as units are placed."""
 
     last: NDArray[np.int64]  # (heads,) its last unit; NONE
     free: NDArray[np.float64]  # (heads,) end of that unit
     at: NDArray[np.float64]  # (heads, 3) where it rests then
-    rest: NDArray[np.float64]  # (heads, 6) room of that rest
-    ended: NDArray[np.float64]  # (n,) end of each contour that was put
+    rest: NDArray[np.float64]  # (heads, 6) space reserved by that rest
+    ended: NDArray[np.float64]  # (n,) end of each contour that was placed
 
 
 @kernel
@@ -93,7 +93,7 @@ def new_units(most: int) -> Units:
 
 @kernel
 def all_parked(n: int, fleet: Fleet) -> Heads:
-    """All heads at their parks, nothing put; `n` is the number of contours."""
+    """All heads at their parks, nothing placed; `n` is the number of contours."""
     heads = len(fleet.parks)
     rest = np.empty((heads, 6))
     for r in range(heads):
@@ -126,9 +126,9 @@ def clear_from(
     units: Units,
     heads: Heads,
 ) -> float:
-    """When head r may have `room`, no sooner than `begin`, for all that was put before.
+    """When head r may have `room`, no sooner than `begin`, for all that was placed before.
 
-    Of each other head the latest unit in the way counts: it began after all others had ended.
+    Of each other head the latest unit that overlaps counts: it began after all others had ended.
     """
     for s in range(len(heads.free)):
         u = heads.last[s] if s != r else NONE
@@ -197,9 +197,9 @@ def put_travel(
 
 @inlined
 def ready_at(c: int, visits: Visits, heads: Heads) -> float:
-    """When a contour may begin: all it rests on is printed and has cooled.
+    """When a contour may begin: all that supports it is printed and has cooled.
 
-    All it rests on must have been put.
+    All that supports it must have been placed.
     """
     ready, lags = 0.0, visits.lags
     for k in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
@@ -219,7 +219,7 @@ def end_of(c: int, side: int, visits: Visits) -> tuple[float, float, float]:
 def put_print(
     r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> None:
-    """Append travel and print of a contour (mutates units and heads); the way must be clear."""
+    """Append travel and print of a contour (mutates units and heads); the path must be clear."""
     side = 1 if is_reversed else 0
     put_travel(r, UNIT_TRAVEL, end_of(c, side, visits), visits, fleet, units, heads)
     room = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])

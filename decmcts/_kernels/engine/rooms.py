@@ -1,6 +1,6 @@
-"""Room that heads take and when two heads are too near, on bare arrays.
+"""Space that heads reserve and when two heads are too near, on bare arrays.
 
-A *room* is the box a head's nozzle stays within while it does something:
+A `Room` is the reserved space, the box a head's nozzle stays within while it does something:
 `(min x, max x, min y, max y, min z, max z)`. Two heads are too near when the
 difference of their nozzles lies in one of a few boxes, the *relations* of the
 pair: one for every two bodies that could meet, and a half-space for a rail.
@@ -20,7 +20,7 @@ from decmcts._kernels.motion.blocks import trapezoid_time
 Room = tuple[float, float, float, float, float, float]
 Point = tuple[float, float, float] | NDArray[np.float64]  # x, y, z
 
-TOUCH = 1e-9  # mm; rooms exactly as far apart as they must be are clear
+TOUCH = 1e-9  # mm; reserved spaces exactly as far apart as they must be are clear
 
 
 class Fleet(NamedTuple):
@@ -76,13 +76,13 @@ def too_near(a: Room, b: Room, r: int, s: int, fleet: Fleet) -> bool:
 
 @inlined
 def room_of_point(point: Point, top: float) -> Room:
-    """Room of a head that rests at a point, at most at height `top`."""
+    """Space reserved by a head that rests at a point, at most at height `top`."""
     return point[0], point[0], point[1], point[1], point[2], max(point[2], top)
 
 
 @inlined
 def room_of_travel(p: Point, q: Point, ceiling: float) -> Room:
-    """Room of a travel from p to q."""
+    """Space reserved by a travel from p to q."""
     return (
         min(p[0], q[0]),
         max(p[0], q[0]),

@@ -12,17 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.joint import UNIT_ASIDE, UNIT_PRINT
-from decmcts._kernels.geometry.clearance import PackedHead
+from decmcts._kernels.geometry.clearance import Beads, PackedHead
 from decmcts._kernels.geometry.travel import HeightField, deposit, travel_height_above
 from decmcts._kernels.jit import kernel
-
-
-class Beads(NamedTuple):
-    """Material of the contours, for the height field."""
-
-    points: NDArray[np.float64]  # (n_points, 3)
-    offsets: NDArray[np.int64]  # (n + 1,)
-    radius: NDArray[np.float64]  # (n,) half width and clearance, mm
 
 
 class Bends(NamedTuple):

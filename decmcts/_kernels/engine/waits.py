@@ -1,6 +1,6 @@
 """Who waits for whom in a joint order, and when everything begins, on bare arrays.
 
-Units are rows in the order they were put, which every wait agrees with: a unit waits
+Units are rows in the order they were placed, which every wait agrees with: a unit waits
 only for rows above its own. Of each other head only the latest wait is kept; earlier
 ones are implied by that head's own sequence.
 """
@@ -17,7 +17,7 @@ from decmcts._kernels.engine.lags import Lags
 from decmcts._kernels.engine.rooms import Fleet, join_rooms, keep_room, room_at, too_near
 from decmcts._kernels.jit import kernel
 
-CHUNK = 64  # units whose rooms are also kept joined, so that most can be passed over at once
+CHUNK = 64  # units whose spaces are also kept joined, so that most can be passed over at once
 AT_END = -1
 
 
@@ -34,7 +34,7 @@ def latest_in_the_way(
 ) -> int:
     """Index of the last of head s's units so far in the way of a unit; `lowest` - 1: none is.
 
-    `rows` are the units of head s and `joined` (chunks, 6) their rooms, joined by CHUNK.
+    `rows` are the units of head s and `joined` (chunks, 6) their reserved spaces, joined by CHUNK.
     """
     r, k = units.head[row], count - 1
     while k >= lowest:
@@ -54,7 +54,7 @@ def latest_in_the_way(
 def latest_pred(
     row: int, s: int, own: NDArray[np.int64], place: NDArray[np.int64], visits: Visits, units: Units
 ) -> int:
-    """Index within head s of the last unit that prints what this one rests on; NONE: none does."""
+    """Index within head s of the last unit that prints what supports this one; NONE: none does."""
     contour, last = units.contour[row], NONE
     if contour != NONE:
         for k in range(visits.pred_offsets[contour], visits.pred_offsets[contour + 1]):
@@ -194,7 +194,7 @@ def earliest(
 
 
 class Rows(NamedTuple):
-    """Units as they were put, with their waits (`decmcts.team.engine.order.UnitOrder`)."""
+    """Units as they were placed, with their waits (`decmcts.team.engine.order.UnitOrder`)."""
 
     head: NDArray[np.int32]  # (m,)
     kind: NDArray[np.int8]  # (m,)

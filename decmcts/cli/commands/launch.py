@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -39,12 +40,12 @@ from decmcts.planning.problem.slicing import PRINTED, Chosen, Slicing
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.outcome import lines_of
-from decmcts.planning.team.parameters import read_parameters
 from decmcts.planning.writing.file_times import is_longer
 from decmcts.planning.writing.heads import head_files, stem_of
 from decmcts.planning.writing.lines import cooling_line, source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.samples import sample_path
+from decmcts.team.dec_mcts.parameters import read_parameters
 from decmcts.team.engine.space import eligibility
 from sim.pictures.layer_travels import require_layer
 
@@ -228,28 +229,34 @@ def show_team(result: Result, paths: list[Path], *, as_json: bool, verbose: bool
     if as_json:
         print_json("decmcts-result/1", figures(result, paths))
         return
-    for note in (*source_lines(problem.job), *lines_of(after["team"])):
+    more = [cooling_line(planned.after)]
+    if is_longer(before["makespan_s"], after["makespan_s"]):
+        whole = eligibility(problem.job.contours, problem.machine.heads).all(axis=0)
+        but = ": print the source" if whole.any() else ", but none reaches all of it"
+        more.append(f"longer than one head in the source's own order{but}")
+    show_joint(result, titled(result), paths, more, verbose=verbose)
+
+
+def show_joint(
+    result: Result,
+    title: str,
+    paths: list[Path],
+    more: Sequence[str | None] = (),
+    *,
+    verbose: bool = False,
+) -> None:
+    """Print a title, what a joint plan gains, some lines more and what was written."""
+    planned = result.planned
+    before, after = planned.before.metrics, planned.after.metrics
+    for note in (*source_lines(planned.problem.job), *lines_of(after["team"])):
         err.print(note, soft_wrap=True)
-    out.print(titled(result), soft_wrap=True)
+    out.print(title, soft_wrap=True)
     out.print(gain_table(before, after, verbose=verbose))
-    for line in (
-        searched_line(after) if verbose else "",
-        *team_lines(after, [head.head for head in result.document.plan.heads]),
-        cooling_line(planned.after),
-    ):
+    searched = searched_line(after) if verbose else ""
+    heads = team_lines(after, [head.head for head in result.document.plan.heads])
+    for line in (searched, *heads, *more, *(f"wrote {path}" for path in paths)):
         if line:
             out.print(line, soft_wrap=True)
-    if is_longer(before["makespan_s"], after["makespan_s"]):
-        own = "the source's own order"
-        whole = eligibility(problem.job.contours, problem.machine.heads).all(axis=0)
-        out.print(
-            f"longer than one head in {own}: print the source"
-            if whole.any()
-            else f"longer than one head in {own}, but none reaches all of it",
-            soft_wrap=True,
-        )
-    for path in paths:
-        out.print(f"wrote {path}", soft_wrap=True)
 
 
 @app.command(

@@ -10,12 +10,12 @@ import typer
 from agents.messages.event_stream import read_events
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
+from decmcts.cli.commands.launch import show_joint
 from decmcts.cli.commands.replay import heads_table
-from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.lines import figures, team_lines
+from decmcts.cli.console import print_json, steps, written
+from decmcts.cli.lines import figures
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
-from decmcts.cli.summary import gain_table
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import SliceOptions, is_mesh
@@ -28,9 +28,7 @@ from decmcts.planning.replanning.replan import Rest, rest_of, rules_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result
-from decmcts.planning.team.outcome import lines_of
 from decmcts.planning.writing.heads import head_files, stem_of
-from decmcts.planning.writing.lines import source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import (
@@ -202,8 +200,7 @@ def _show(
     as_json: bool,
 ) -> None:  # fmt: skip
     """Print the summary of the rest."""
-    planned = result.planned
-    live = [head.name for head in planned.problem.machine.heads]
+    live = [head.name for head in result.planned.problem.machine.heads]
     whole, left = len(document.contours), int(rest.left.rows.sum())
     if as_json:
         state = {
@@ -212,13 +209,5 @@ def _show(
         }  # fmt: skip
         print_json("decmcts-result/1", {**figures(result, paths), "replanned": state})
         return
-    before, after = planned.before.metrics, planned.after.metrics
-    for note in (*source_lines(planned.problem.job), *lines_of(after["team"])):
-        err.print(note, soft_wrap=True)
-    said = f"{whole} contours: {rest.done} printed or begun, {left} left out; the rest is for "
-    out.print(f"{source.name}, {said}{', '.join(live)}", soft_wrap=True)
-    out.print(gain_table(before, after, verbose=False))
-    for line in team_lines(after, [head.head for head in result.document.plan.heads]):
-        out.print(line, soft_wrap=True)
-    for path in paths:
-        out.print(f"wrote {path}", soft_wrap=True)
+    stated = f"{whole} contours: {rest.done} printed or begun, {left} left out; the rest is for "
+    show_joint(result, f"{source.name}, {stated}{', '.join(live)}", paths)

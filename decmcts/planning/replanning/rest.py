@@ -121,9 +121,9 @@ def broken_beads(
         place = (head.point, 0.0) if known is None else rest_of_line(path, head.point, known)
         missing, rest = _missing(path, *place), list[Stretch]()
         if left is LeftBeads.FINISH and known is not None and missing > LEAST_MM:
-            way = traversal(document.contours, contour, int(actions.entry[k]))
+            run = traversal(document.contours, contour, int(actions.entry[k]))
             of, rows = int(document.contours.sources[contour]), source_rows(document, job)
-            one = _behind(way, place, of, rows[way.rows], reverse=bool(actions.reversed[k]))
+            one = _behind(run, place, of, rows[run.rows], reverse=bool(actions.reversed[k]))
             rest = _parted(one, hops=document.contours.of is not None)
         found.append(Broken(head.head, contour, missing, tuple(rest)))
     return found
@@ -137,20 +137,20 @@ def _missing(path: NDArray[np.float64], point: int, share: float) -> float:
 
 
 def _behind(
-    way: Rotated, place: tuple[int, float], of: int, row: NDArray[np.int64], *, reverse: bool
+    run: Rotated, place: tuple[int, float], of: int, row: NDArray[np.int64], *, reverse: bool
 ) -> Stretch:
     """Return what of a bead lies behind a place on it; it runs as its source does."""
     step = -1 if reverse else 1
-    (point, share), points = place, way.points[::step]
+    (point, share), points = place, run.points[::step]
     at = points[point] + share * (points[point + 1] - points[point])
     points = np.concatenate([[np.round(at, GRID)], points[point + 1 :]])[::step]
     if reverse:
         own = slice(0, len(points))
-        extrusion, feed = way.extrusion[own].copy(), way.feed[own].copy()
+        extrusion, feed = run.extrusion[own].copy(), run.feed[own].copy()
         extrusion[-1] *= 1.0 - share
     else:
-        own = slice(point, len(way.points))
-        extrusion, feed = way.extrusion[own].copy(), way.feed[own].copy()
+        own = slice(point, len(run.points))
+        extrusion, feed = run.extrusion[own].copy(), run.feed[own].copy()
         extrusion[1] *= 1.0 - share
     row = row[own].copy()
     row[0] = row[1]  # so it is none of the contour's begin

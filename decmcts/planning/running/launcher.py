@@ -359,7 +359,7 @@ class Launcher:
             self._tell(h, command="hold")
 
     def _goes_on_in(self, carried: Carried, h: int) -> bool:
-        """Tell whether a head may do more of a plan: it works, or it is on its way to its park."""
+        """Tell whether a head may do more of a plan: it works, or it travels to its park."""
         head, last = self.heads[h], carried.last(h)
         if head.failure is None:
             return True

@@ -1,7 +1,7 @@
 """Heads that go to their parks from wherever they stand, one after another.
 
 A head goes straight up above all that is printed, across, and down at its park. It goes when its
-way keeps clear of where all others stand by then, those that failed included.
+path keeps clear of where all others stand by then, those that failed included.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, P
 from sim.replay.fenced import head_meets
 
 SAME_MM = 1e-6
-ABOVE_MM = 1.0  # all that is printed, on the way
+ABOVE_MM = 1.0  # all that is printed, on the path
 
 
 def parking_plan(
@@ -44,7 +44,7 @@ def parking_plan(
     Raises
     ------
     InputError
-        When some head has no clear way.
+        When some head has no clear path.
     """
     top = max(
         float(c.points[:, 2].max(initial=0.0))
@@ -55,16 +55,16 @@ def parking_plan(
     while waiting:
         for name in waiting:
             others = {other: at for other, at in places.items() if other != name}
-            way = _clear_way(machine, machine.head(name), places[name], others, top + ABOVE_MM)
-            if way is not None:
+            path = _clear_path(machine, machine.head(name), places[name], others, top + ABOVE_MM)
+            if path is not None:
                 break
         else:
             raise InputError(
-                f"head {waiting[0]} has no clear way to its park",
+                f"head {waiting[0]} has no clear path to its park",
                 advice="move the heads that failed away, and say where they stand",
             )
         waiting.remove(name)
-        order.append((name, way))
+        order.append((name, path))
         places[name] = machine.head(name).park
     return _document(document, machine, order) if order else None
 
@@ -74,7 +74,7 @@ def same_place(a: Point, b: Point) -> bool:
     return float(np.abs(np.subtract(a, b)).max()) < SAME_MM
 
 
-def _clear_way(
+def _clear_path(
     machine: Machine, head: Head, at: Point, others: Mapping[str, Point], height: float
 ) -> NDArray[np.float64] | None:
     """Return a path to a head's park that keeps clear of the others, None if there is none."""
@@ -93,7 +93,7 @@ def _clear_way(
 def _document(
     document: PlanDocument, machine: Machine, order: list[tuple[str, NDArray[np.float64]]]
 ) -> PlanDocument:
-    """Return ways as a plan in which each head waits for the one before."""
+    """Return paths as a plan in which each head waits for the one before."""
     begin, heads = 0.0, list[HeadActions]()
     for k, (name, path) in enumerate(order):
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

@@ -66,7 +66,7 @@ def renew(
     token: int, begin: Begin, seconds: float, seed: int, left: LeftBeads,
     tell: Callable[[News], None], report: Report = unheard,
 ) -> threading.Thread:  # fmt: skip
-    """Plan the rest in a thread; tell a way to the parks as soon as it is found, and the plan."""
+    """Plan the rest in a thread; report paths to the parks once they are found, and the plan."""
 
     def work() -> None:
         parked = False

@@ -33,9 +33,9 @@ from decmcts.team.cutting.layout import (
 )
 from decmcts.team.cutting.sweep import Sweep, sweep_order, times_of
 from decmcts.team.cutting.travels import with_less_travel
-from decmcts.team.engine.first_policies import first_policies_s
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
+from decmcts.team.engine.resolve import first_policies_s
 from decmcts.team.engine.space import relation_of
 
 MOST_SWEPT = 150_000  # contours; of more, sweeps take minutes

@@ -13,10 +13,9 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.baselines.incumbent import Budget
-from decmcts.team.baselines.offered import TeamIncumbent
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import build_team_problem
+from decmcts.team.incumbent import Budget, TeamIncumbent
 from decmcts.team.planner import TeamPlanner
 
 

@@ -47,9 +47,9 @@ from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.placing import place_that_fits
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import able_heads
+from decmcts.team.schedule.biased import biased_entries
 from decmcts.team.schedule.cooling import find_lags, print_times
 from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
-from decmcts.team.schedule.leaning import lean
 from sim.faults import Verdict
 
 WELD_ROUNDS = 4  # of sweeps in which contours stay whole whose welds would be too old
@@ -142,7 +142,7 @@ def prepared(
     entry = first_entries(job, orders, lone)
     if entries is not None:
         report(Step("where loops begin"))
-    entry = lean(job, machine, graph, orders, entry, entries, lags)
+    entry = biased_entries(job, machine, graph, orders, entry, entries, lags)
     return Prepared(problem, before, lags, orders, lone, entry, bound)
 
 

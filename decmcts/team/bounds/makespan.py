@@ -1,11 +1,10 @@
 """How fast a team can be at best: a lower bound on the makespan.
 
-The bound is the largest of six:
+The bound is the largest of five:
 
 - all printing, shared evenly;
 - what heads on one rail can print at once (`decmcts.team.bounds.rail_bound`);
 - what two heads that no rail joins can print at once (`decmcts.team.bounds.pair_bound`);
-- what lies where only one head fits at a time (`decmcts.team.bounds.window_bound`);
 - the longest chain of the dependency graph;
 - what only one head can print.
 
@@ -15,11 +14,11 @@ coming to rest at the contour's ends (`.run_on`). For several heads each contour
 its shares of the travels to and from it (`.least_travel`), but for the first and the last
 of a head. The chain counts no travel, since another head may print what comes next in it.
 
-Where heads give room back piece by piece (`release` "point") the bounds on a rail and of two
-heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
-`MOST_PIECES` pieces, each begun where its room has shrunk by `PIECE_MM`, and closed ones entered
-as sliced run as sliced. A plan that gives room back at every vertex may be faster; docs/team.md
-says by how much. The bound of two heads takes rooms as boxes, as plans here do.
+Where heads release reserved space piece by piece (`release` "point") the bounds on a rail and of
+two heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
+`MOST_PIECES` pieces, each begun where its space has shrunk by `PIECE_MM`, and closed ones entered
+as sliced run as sliced. A plan that releases space at every vertex may be faster; docs/team.md
+states by how much. The bound of two heads takes reserved spaces as boxes, as plans here do.
 """
 
 from __future__ import annotations
@@ -43,7 +42,6 @@ from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, t
 from decmcts.team.bounds.pair_bound import pair_bound
 from decmcts.team.bounds.rail_bound import Held, rail_bound
 from decmcts.team.bounds.run_on import saved_by_running_on
-from decmcts.team.bounds.window_bound import window_bound, window_of
 from decmcts.team.engine.order import MOST_PIECES, PIECE_MM
 from decmcts.team.engine.space import eligibility
 
@@ -56,10 +54,9 @@ class Bound:
 
     serial_s: float  # W: all printing one after the other, without travel
     travel_s: float  # what heads spend at least between contours, all together
-    shared_s: float  # all printing, shared as well as the heads' room allows
+    shared_s: float  # all printing, shared as well as the heads' reserved spaces allow
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
-    window_s: float  # most work where only one head fits at a time
     bound_s: float  # no plan of these heads, in such pieces, prints faster
 
 
@@ -81,7 +78,7 @@ def makespan_bound(
     travel : bool
         Whether to count travel.
     rail : bool
-        Whether to count the room that heads take from each other along a rail, which takes a
+        Whether to count the space that heads reserve from each other along a rail, which takes a
         linear programme.
     """
     # by tool and reach alone: by boxes some head that fits would count as one that does not
@@ -104,23 +101,8 @@ def makespan_bound(
     shared = max(even, _of_pair(job, machine, parts, entries))
     if rail:
         shared = max(shared, _on_rail(job, machine, parts, entries, shares))
-    window = _in_window(job, machine, parts)
-    bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
-    return Bound(serial, travelled, shared, chain, exclusive, window, bound)
-
-
-def _in_window(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> float:
-    """Return the most work where only one head fits at a time; 0 for one head.
-
-    `parts` are the seconds of the segment ending at each point, here and below.
-    """
-    contours = job.contours
-    if len(machine.heads) < 2 or not len(contours):
-        return 0.0
-    seconds = parts.copy()
-    seconds[contours.offsets[:-1]] = 0.0
-    size = window_of(machine, float(np.ptp(contours.points[:, 2])))
-    return window_bound(contours.points, seconds, size)
+    bound = max(shared, chain, exclusive) * (1.0 - SAFETY)
+    return Bound(serial, travelled, shared, chain, exclusive, bound)
 
 
 def _on_rail(
@@ -130,7 +112,10 @@ def _on_rail(
     entries: SeamEntries | None,
     shares: TravelShares,
 ) -> float:
-    """Return the bound of heads that are all in order along one rail; 0 where they are not."""
+    """Return the bound of heads that are all in order along one rail; 0 where they are not.
+
+    `parts` are the seconds of the segment ending at each point, here and below.
+    """
     names = {head.name for head in machine.heads}
     rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
     if rail is None or len(names) < 2:
@@ -160,7 +145,7 @@ def _held_along(
     parts: NDArray[np.float64],
     entries: SeamEntries | None,
 ) -> Held:
-    """Return what room along an axis is held, wherever loops may be entered."""
+    """Return what space along an axis is held, wherever loops may be entered."""
     held = _held(job, machine, parts, axis)
     if entries is not None and machine.release == "point":
         return _entered_anywhere(held, job.contours, parts, axis, entries)
@@ -199,7 +184,7 @@ def _with_travels(
 
 
 def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
-    """Return what room along an axis each piece of each contour holds, and for how long.
+    """Return what space along an axis each piece of each contour holds, and for how long.
 
     Pieces are those that `decmcts.team.engine.order` makes, of contours it may reverse.
     """

@@ -1,16 +1,16 @@
 """What two heads that no rail joins can print at once at most: a matching and its proof.
 
 Of two contours printed side by side one was begun later. A head that prints never waits, so
-the later contour was begun only when the other head held nothing any more of its *whole* room.
-So two pieces of contours exclude each other if the room still held of either is too near to
-the room of the other's whole contour, whichever head has which. A bound is the time of all
+the later contour was begun only when the other head held nothing any more of its *whole* space.
+So two pieces of contours exclude each other if the space still held of either is too near to
+that of the other's whole contour, whichever head has which. A bound is the time of all
 printing, less the largest fractional matching of pieces that do not exclude each other.
 
 The matching is half the flow through the double cover of their graph. The least cover is the
 proof: every piece has a price of 0, 1/2 or 1, and two that may be printed at once cost at
 least 1 together. So the time printed at once is no more than the prices of all pieces.
 
-Rooms are boxes, as `decmcts.team.engine.space` has them for plans made here, and are rounded
+Spaces are boxes, as `decmcts.team.engine.space` has them for plans made here, and are rounded
 inwards until there are few enough different ones.
 """
 
@@ -26,7 +26,7 @@ from decmcts.print.machine import Machine
 from decmcts.team.bounds.rail_bound import Held, whole_of
 from decmcts.team.engine.space import relation_of
 
-CELL_MM = 1.0  # that rooms are rounded to; cells double until there are few enough
+CELL_MM = 1.0  # that they are rounded to; cells double until there are few enough
 MOST_ROOMS = 2_000
 MOST_FLOW = 2.0**29  # of all; the solver's whole numbers have 32 bits
 Floats = NDArray[np.float64]
@@ -51,7 +51,7 @@ def pair_bound(
     height_mm : float
         Of the print; what comes too near only at some heights counts as clear.
     most_rooms : int
-        Different rooms that are told apart; with fewer the bound is lower at most.
+        Different spaces that are distinguished; with fewer the bound is lower at most.
     """
     seconds, choice = along_x.seconds, along_x.choice
     if not len(seconds) or not float(seconds.sum()) > 0.0:
@@ -78,7 +78,7 @@ def _sums(group: Ints, values: Floats) -> Floats:
 
 
 def _rooms(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
-    """Return the different rooms, and each piece's: low and high x, low and high y.
+    """Return the different spaces, and each piece's: low and high x, low and high y.
 
     First four sides of what is still held, then four of the whole contour.
     """
@@ -98,7 +98,7 @@ def _rooms(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
 
 
 def _clear(a: Floats, b: Floats, relation: Floats) -> Bools:
-    """Return where a head in a room of `a` and the other in one of `b` cannot meet, (k, k)."""
+    """Return where a head in a space of `a` and the other in one of `b` cannot meet, (k, k)."""
     least = b[None, :, 0::2] - a[:, None, 1::2]
     most = b[None, :, 1::2] - a[:, None, 0::2]
     near = np.zeros((len(a), len(b)), np.bool_)

@@ -7,7 +7,7 @@ the prices for which V is largest. With these prices a longest path finds exactl
 cost most at one moment; V divided by that is a bound whatever the solver's tolerance.
 
 Of two heads that print side by side one began later. A head that prints never waits, so it
-began only when the other held nothing any more of the room of its *whole* contour. So of
+began only when the other held nothing any more of the space of its *whole* contour. So of
 two neighbours one is as wide as what it still holds, and one as wide as its whole contour.
 
 A head that travels holds only the place it is at, and may be anywhere within reach of the
@@ -15,7 +15,7 @@ contour it left, or is to enter. So what counts is the interval that it holds at
 places. That may have negative width, `low` above `high`. Whole contours do not count for it.
 
 Positions are rounded to cells so that heads fit more easily than in truth. Work is the
-pieces of contours, each with the room its head still holds while it prints the piece. Where
+pieces of contours, each with the space its head still holds while it prints the piece. Where
 a contour may be run from either end, the direction counts in which it is worth less.
 """
 
@@ -70,7 +70,7 @@ class _Places(NamedTuple):
     whole_high: Ints
 
     def width(self, apart: int) -> int:
-        """Return how many cells the rail has, with room behind the last for one head more."""
+        """Return how many cells the rail has, with space behind the last for one head more."""
         return int(max(self.low.max(), self.whole_high.max() + apart)) + 1
 
 
@@ -79,7 +79,7 @@ def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
     travels = np.zeros(len(held.choice), np.bool_) if held.travels is None else held.travels
     edges = _edges(held, travels)
     cell = max(separation_mm / CELLS, float(np.ptp(edges)) / MOST_CELLS) or 1.0
-    coarse = 1  # travels are less of the work: theirs is the first room to be rounded more
+    coarse = 1  # travels are less of the work: theirs is the first to be rounded more
     while True:
         grain = np.where(travels, coarse, 1)[:, None]
         first = np.ceil(edges[:, 0::2] / (cell * grain)) * grain

@@ -275,7 +275,7 @@ def _by_depth(edges: Floats, m: int, forward: bool, layer: int, deepest: int) ->
 def _windows(strips: Strips, apart_mm: Floats, low: Floats, high: Floats) -> None:
     """Write from where to where what is printed with each region may reach; mutates both.
 
-    Heads that do the same step share what room is left between them.
+    Heads that do the same step share what space is left between them.
     """
     heads, m = strips.begin.shape
     left = (strips.begin[1:] - strips.end[:-1] - apart_mm) / 2.0

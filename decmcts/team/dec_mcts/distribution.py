@@ -1,15 +1,29 @@
-"""A head's plan distribution: its candidate plans and how likely it is to follow each."""
+"""The plans a head sends to the others (X̂), how likely it is to follow each (q), and how q moves.
+
+All plans of X̂ are valued beside the same plans of the others, so that a difference in
+value is due to the plans themselves. Utilities are scaled to [0, 1] over X̂, so a
+temperature means the same on every print.
+
+References
+----------
+Best et al. 2019, Alg. 3.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.trees.dmcts import step_distribution
+from decmcts.team.dec_mcts.parameters import Parameters
 
 SMALLEST = 1e-6  # probability a candidate keeps
+RECENT = 10.0  # samples over which a mean is taken: the others change
+
+Plan = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +77,44 @@ class PlanDistribution:
         steps = step_distribution(self.probabilities, expected, beta, alpha)
         q = np.maximum(self.probabilities + steps, SMALLEST)
         return PlanDistribution(self.sequences, q / q.sum())
+
+
+class Candidates:
+    """X̂ and q, the `distribution`; `sampled` counts how often each plan was valued."""
+
+    def __init__(self, plans: Sequence[Plan], parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._beta = parameters.beta
+        self.distribution = PlanDistribution.uniform(tuple(plans))
+        self._mean = np.zeros(len(plans))
+        self.sampled = np.zeros(len(plans), np.int64)
+
+    def renew(self, plans: Sequence[Plan]) -> None:
+        """Choose another X̂; members that stay keep what is known of them.
+
+        New ones are as likely as one of those before was at first, and the temperature stays.
+        """
+        before = {plan.tobytes(): k for k, plan in enumerate(self.distribution.sequences)}
+        row = np.array([before.get(plan.tobytes(), -1) for plan in plans])
+        stays = row >= 0
+        q = np.where(stays, self.distribution.probabilities[row], 1.0 / len(before))
+        self.distribution = PlanDistribution(tuple(plans), q / q.sum())
+        self._mean = np.where(stays, self._mean[row], 0.0)
+        self.sampled = np.where(stays, self.sampled[row], 0)
+
+    def update(self, utilities: NDArray[np.float64]) -> None:
+        """Note what each of X̂ gained beside the same other plans, and move q."""
+        self.sampled += 1
+        self._mean += (utilities - self._mean) / np.minimum(self.sampled, RECENT)
+        expected = _scaled(self._mean)
+        for _ in range(len(expected)):  # a step for each plan that was valued
+            self.distribution = self.distribution.updated(
+                expected, beta=self._beta, alpha=self._parameters.alpha
+            )
+        self._beta = max(self._beta * self._parameters.cooling, self._parameters.coldest)
+
+
+def _scaled(utilities: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return utilities from 0, the worst, to 1, the best; all 0 where they are alike."""
+    low, high = float(utilities.min()), float(utilities.max())
+    return (utilities - low) / (high - low) if high > low else np.zeros(len(utilities))

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.team.dec_mcts.rearrange import rearranged, rearranges
-from decmcts.team.engine.plans import HUNDREDTHS, POLICIES, decode, encode
-from decmcts.team.engine.policy_space import beside
+from decmcts.team.engine.plans import HUNDREDTHS, decode, encode
+from decmcts.team.engine.policy import beside
 from decmcts.team.engine.problem import TeamProblem
 
 SHIFT_SPREAD = 0.3  # of a part's progress, standard deviation of a change of a shift
@@ -19,37 +19,23 @@ Plan = NDArray[np.int32]
 Ints = NDArray[np.int64]
 
 
-def exchange(
-    problem: TeamProblem,
-    head: int,
-    plan: Plan,
-    rng: np.random.Generator,
-    *,
-    policies: int = len(POLICIES),
-) -> Plan:
-    """Return a plan of a head after one random move; a serial plan becomes an ordinary one.
-
-    A new policy is one of the first `policies`.
-    """
-    return _moved(problem, {head: plan}, rng, policies)[head]
+def exchange(problem: TeamProblem, head: int, plan: Plan, rng: np.random.Generator) -> Plan:
+    """Return a plan of a head after one random move; a serial plan becomes an ordinary one."""
+    return _moved(problem, {head: plan}, rng)[head]
 
 
 def exchange_jointly(
-    problem: TeamProblem,
-    plans: Mapping[int, Plan],
-    rng: np.random.Generator,
-    *,
-    policies: int = len(POLICIES),
+    problem: TeamProblem, plans: Mapping[int, Plan], rng: np.random.Generator
 ) -> dict[int, Plan]:
     """Return the plans of all heads after one move of one head, or one they make together."""
     if rng.random() < 0.5:
-        return {**plans, **_moved(problem, plans, rng, policies)}
+        return {**plans, **_moved(problem, plans, rng)}
     head = sorted(plans)[int(rng.integers(len(plans)))]
-    return {**plans, **_moved(problem, {head: plans[head]}, rng, policies)}
+    return {**plans, **_moved(problem, {head: plans[head]}, rng)}
 
 
 def _moved(
-    problem: TeamProblem, plans: Mapping[int, Plan], rng: np.random.Generator, policies: int
+    problem: TeamProblem, plans: Mapping[int, Plan], rng: np.random.Generator
 ) -> dict[int, Plan]:
     """Return these plans after the same random move in each."""
     if any(rearranges(problem, plan) for plan in plans.values()):
@@ -59,7 +45,7 @@ def _moved(
     later = np.zeros(problem.n_macros, np.int32)
     move = rng.random()
     if move < 0.2 or problem.n_macros == 0:
-        chosen = beside(row[min(row)], rng, policies)
+        chosen = beside(row[min(row)], rng)
         row = dict.fromkeys(row, chosen)
     elif move < 0.6:
         later[_macros_of_one_part(problem, rng)] = _hundredths(rng, 1)

@@ -1,8 +1,7 @@
 """What can be set about one head's search in a team, and what is allowed.
 
 Names are those of Dec-MCTS (Best, Cliff, Patten, Mettu & Fitch 2019, IJRR 38(2-3),
-Algs. 1-3) where it has one; `docs/team.md` says what each does. This module does not
-know where values come from (a file, a launcher).
+Algs. 1-3) where it has one; `docs/team.md` says what each does.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from decmcts.formats.files.fields import Fields, shown
+from decmcts.formats.files.reading import read_toml
 from decmcts.team.dec_mcts.polish import FEW
 from decmcts.team.engine.plans import POLICIES
 
@@ -42,7 +42,6 @@ class Parameters:
     recreate: float = 0.7  # of the time, till when windows are ruined and recreated
     share: float = 0.3  # of a round's work, for tree and distribution from then on
     windows: int = 60  # of the best joint order recreated or polished in a round
-    policies: int = len(POLICIES)  # the first of POLICIES, of which plans name one
     tries: int = 32  # policies that all heads together try at first
 
     @staticmethod
@@ -80,16 +79,7 @@ RANGES: Mapping[str, tuple[float, float] | tuple[int, int]] = {
     "recreate": (0.0, 1.0),
     "share": (0.0, 1.0),
     "windows": (0, 1000),
-    "policies": (1, len(POLICIES)),
     "tries": (1, len(POLICIES)),
-}
-# Parameters there were, and what is always done instead.
-GONE: Mapping[str, str] = {
-    "policy": "the tree is always descended by D-UCT",
-    "temperature": "the tree is always descended by D-UCT",
-    "decay": "the tree is always descended by D-UCT",
-    "distribution": "q always moves by the gradient",
-    "combination": "joint plans are always drawn from each head's q",
 }
 
 
@@ -108,11 +98,9 @@ def changed(
     Raises
     ------
     InputError
-        For an unknown name, one that is gone, and for what is no number within `RANGES`.
+        For an unknown name, and for what is no number within `RANGES`.
     """
     fields = Fields.of(values, "", path)
-    for key in GONE.keys() & values.keys():
-        fields.fail(key, "is no parameter any more", f"leave it out: {GONE[key]}")
     fields.only(*RANGES)
     chosen: dict[str, Any] = {key: _allowed(fields, key) for key in values}
     made = replace(parameters, **chosen)
@@ -120,6 +108,13 @@ def changed(
         key = "coldest" if "coldest" in values else "beta"
         fields.fail(key, f"coldest {made.coldest:g} is above beta {made.beta:g}, where it begins")
     return made
+
+
+def read_parameters(path: Path) -> Mapping[str, float]:
+    """Return the parameters that a TOML file sets; raises InputError for unknown or bad ones."""
+    values = read_toml(path, "file of parameters", page="docs/team.md")
+    changed(Parameters(), values, path=path)
+    return values
 
 
 def _allowed(fields: Fields, key: str) -> float:

@@ -28,8 +28,7 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.candidates import Candidates
-from decmcts.team.dec_mcts.distribution import PlanDistribution
+from decmcts.team.dec_mcts.distribution import Candidates, PlanDistribution
 from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
 from decmcts.team.dec_mcts.parameters import Parameters
 from decmcts.team.dec_mcts.policy_trials import PolicyTrials
@@ -186,9 +185,8 @@ class DecMcts:
         if team not in self._trials:
             eligible = fleet_for(self.problem, team)[1]
             require_printable(self.problem.job.contours, self.problem.machine, eligible, live=team)
-            p = self.parameters
             turn = team.index(self.head)
-            self._trials[team] = PolicyTrials(turn, len(team), policies=p.policies, tries=p.tries)
+            self._trials[team] = PolicyTrials(turn, len(team), tries=self.parameters.tries)
             self._start_s(team)  # the first that is tried
         trials = self._trials[team]
         if trials.next() is None:
@@ -273,8 +271,7 @@ class DecMcts:
         self._tried += 1
         plans = self._combination(team) if self._tried % 2 else None
         if plans is None or self._values.knows(plans, team):
-            policies = self.parameters.policies
-            plans = exchange_jointly(self.problem, best.plans, self._rng, policies=policies)
+            plans = exchange_jointly(self.problem, best.plans, self._rng)
         self._values.makespan(plans, team)
         if self._values.starts[team].makespan_s < best.makespan_s:
             child = self._tree.expand(ROOT, plans[self.head])
@@ -294,8 +291,7 @@ class DecMcts:
         return self._exchange(self._tree.plans[node])
 
     def _exchange(self, plan: Plan) -> Plan:
-        policies = self.parameters.policies
-        return exchange(self.problem, self.head, plan, self._rng, policies=policies)
+        return exchange(self.problem, self.head, plan, self._rng)
 
     def _reward(self, plans: Mapping[int, Plan], team: Team) -> float:
         """Return the utility from 0, the median of all seen or worse, to 1, the best."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from decmcts.team.engine.plans import TUNED
-from decmcts.team.engine.policy_space import places
+from decmcts.team.engine.plans import POLICIES, TUNED
+from decmcts.team.engine.policy import places
 
 BEST = 3  # near which the trials go on
 
@@ -21,19 +21,16 @@ class PolicyTrials:
     ----------
     turn, heads : int
         This head is the `turn`-th of so many that share the trials.
-    policies : int
-        The first so many of POLICIES run.
     tries : int
         Policies that all heads together try, each head one at least; the first third are
         of all kinds.
     """
 
-    def __init__(self, turn: int, heads: int, *, policies: int, tries: int) -> None:
-        rows = _mixed(policies)
-        first = rows[: max(1, -(-min(tries, policies) // 3))]
+    def __init__(self, turn: int, heads: int, *, tries: int) -> None:
+        first = _mixed()[: max(1, -(-tries // 3))]
         self._open = list(first[turn % len(first) :: heads])
-        self._places = places(policies)
-        self._left = min(policies, max(1, round(tries / heads)))
+        self._places = places()
+        self._left = max(1, round(tries / heads))
         self.makespans: dict[int, float] = {}
 
     def next(self) -> int | None:
@@ -67,8 +64,7 @@ class PolicyTrials:
         return int(np.argmin(distance))
 
 
-def _mixed(policies: int) -> list[int]:
-    """Return rows of POLICIES, a tuned one and one of the others in turn."""
-    tuned, spread = list(range(min(TUNED, policies))), list(range(TUNED, policies))
-    pairs = [row for pair in zip(tuned, spread, strict=False) for row in pair]
-    return pairs + tuned[len(spread) :] + spread[len(tuned) :]
+def _mixed() -> list[int]:
+    """Return all rows of POLICIES, a tuned one and one of the others in turn at first."""
+    tuned, spread = range(TUNED), range(TUNED, len(POLICIES))
+    return [row for pair in zip(tuned, spread, strict=False) for row in pair] + [*spread[TUNED:]]

@@ -85,7 +85,7 @@ class Polish:
 
     @cached_property
     def _guide(self) -> Guide:
-        """Policies, and room to try them: many orders are polished and never recreated."""
+        """Policies, and arrays to try them in: many orders are polished and never recreated."""
         return _guide(self._problem, self._eligible)
 
     def _anneal(self, sweeps: int) -> None:

@@ -27,13 +27,13 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.space import Space, printing_times
 
-PIECE_MM = 4.0  # a contour's next piece begins where the room still needed has shrunk by this
+PIECE_MM = 4.0  # a contour's next piece begins where the space still needed has shrunk by this
 MOST_PIECES = 16  # of one contour
 
 
 @dataclass(frozen=True, slots=True)
 class UnitOrder:
-    """Units of all heads in the order they were put, with their waits."""
+    """Units of all heads in the order they were placed, with their waits."""
 
     head: NDArray[np.int32]  # (m,)
     kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK
@@ -65,7 +65,7 @@ def visits_of(
     seconds : (heads, n) printing times
     reversible : (n,) contours that may be reversed, or that are
     in_pieces : bool
-        Whether a print gives its room back piece by piece.
+        Whether a print releases its reserved space piece by piece.
     lags : Lags | None
         How long what is below must cool; None: nothing has to.
     """
@@ -100,7 +100,7 @@ def require_complete(
         if len(refused):
             raise InputError(
                 f"head {machine.heads[r].name} can not print contour {int(refused[0])} "
-                f"(tool, reach or no way past the others), {len(refused)} such in its toolpath"
+                f"(tool, reach or no path past the others), {len(refused)} such in its toolpath"
             )
 
 
@@ -120,7 +120,7 @@ def refuse(verdict: int, machine: Machine) -> None:
     if verdict == CONTRADICTED:
         raise InputError(
             "the heads' sequences contradict each other: no head can begin its next contour",
-            advice="every contour must come after those it rests on, on whichever head they are",
+            advice="every contour must come after those that support it, on whatever head they are",
         )
     if verdict == SHUT_IN:
         raise InputError(
@@ -130,7 +130,7 @@ def refuse(verdict: int, machine: Machine) -> None:
 
 
 def units_of(visits: Visits, fleet: Fleet, machine: Machine, paths: Sequence[Toolpath]) -> Units:
-    """Put everything in these toolpaths; raises InputError where that cannot be."""
+    """Place everything in these toolpaths; raises InputError where that cannot be."""
     units, verdict = carry_out(sequences_of(paths), visits, fleet)
     refuse(verdict, machine)
     m = int(units.used[0])

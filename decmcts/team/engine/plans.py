@@ -60,8 +60,8 @@ _TUNED = np.array(
 MOST_STATED = 70_000  # contours; an order of more, by 64 heads, might not fit into a message
 TUNED = len(_TUNED)  # policies that come first
 HUNDREDTHS = 100.0  # of a part's progress, in which shifts are stated
-MOST_SHIFT = 400  # either way
-MOST_LATER = 1000  # half turns, either way
+MOST_SHIFT = 400  # sooner or later
+MOST_LATER = 1000  # half turns, sooner or later
 _SPREAD = 498  # policies spread evenly over all that make sense
 
 

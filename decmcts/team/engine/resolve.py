@@ -5,7 +5,7 @@ bit for bit, and agents compare its digest. A plan that orders all contours, ser
 stated, holds for all heads, if these can carry it out. Where a plan changes the order heads
 begin with, all changes of all heads together make one. Else the heads dispatch: each
 takes contours by its own plan's policy and shifts. Conflicts between heads are ordered,
-and heads in the way step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
+and heads at rest there step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
 """
 
 from __future__ import annotations
@@ -29,14 +29,19 @@ from decmcts.team.engine.order import refuse, sequences_of, units_of
 from decmcts.team.engine.plans import (
     HUNDREDTHS,
     POLICIES,
+    TUNED,
     Intent,
     StatedOrder,
     decode,
+    encode,
 )
 from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.space import build_space, fleet_of
 from decmcts.team.engine.start import changed_order
+
+FIRST = 100_000  # contours placed for an estimate by the first policies, about half a second's work
+LEAST = 4  # policies tried for it at least, the first ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +94,17 @@ def resolve(
         if found := as_stated(problem, rearranged, team):
             return found
     return _dispatched(problem, intents, fleet, eligible)
+
+
+def first_policies_s(problem: TeamProblem) -> float:
+    """Return the shortest makespan of the first policies, all heads by the same one, s.
+
+    A quick estimate of what heads can reach.
+    """
+    heads = range(len(problem.machine.heads))
+    count = min(TUNED, max(LEAST, FIRST // max(1, len(problem.macro))))
+    plans = [encode(policy, problem.n_macros) for policy in range(count)]
+    return min(resolve(problem, dict.fromkeys(heads, plan), heads).makespan_s for plan in plans)
 
 
 def fleet_for(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray[np.bool_]]:

@@ -1,4 +1,4 @@
-"""The room heads need: who may print what, and how far apart two heads must stay.
+"""The space that heads reserve: who may print what, and how far apart two heads must stay.
 
 Each body of a head, and each slice, is taken as its bounding box, and each action as
 the bounding box of its nozzle's path. So a pair found clear here is clear in space, but
@@ -118,7 +118,7 @@ def _aside_limits(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return least and most x and y each head may step aside to, (heads, 2) each.
 
-    That is bed and print as far as its reach goes, and the way to its park.
+    That is bed and print as far as its reach goes, and the path to its park.
     """
     boxes = contour_boxes(contours)
     corners = [boxes[:, 0::2], boxes[:, 1::2], np.array([machine.bed_min, machine.bed_max])]
@@ -183,7 +183,7 @@ def travel_row(settings: ProcessSettings, limits: MotionLimits, pace: float = 1.
 
 
 def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Space:
-    """Return the room the heads need for these contours.
+    """Return the space that heads reserve for these contours.
 
     A contour is eligible for a head that reaches it, has its tool and can be let in. Heads
     that are not live stay parked; the live ones may step aside for it.
@@ -212,16 +212,16 @@ def able_heads(job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
 
 
 def whole_pieces(contours: Contours) -> Pieces:
-    """Return one piece of each contour, both ways where it may be reversed."""
+    """Return one piece of each contour, in both directions where it may be reversed."""
     low = np.minimum.reduceat(contours.points, contours.offsets[:-1])
     high = np.maximum.reduceat(contours.points, contours.offsets[:-1])
     rooms = np.stack([low, high], axis=2).reshape(-1, 6)
-    ways = np.ones((len(contours), 2), np.bool_)
-    ways[:, 1] = contours.reversible
-    count = int(ways.sum())
+    directions = np.ones((len(contours), 2), np.bool_)
+    directions[:, 1] = contours.reversible
+    count = int(directions.sum())
     return Pieces(
-        np.concatenate([[0], np.cumsum(ways)]),
-        rooms[np.repeat(np.arange(len(contours)), ways.sum(axis=1))],
+        np.concatenate([[0], np.cumsum(directions)]),
+        rooms[np.repeat(np.arange(len(contours)), directions.sum(axis=1))],
         np.zeros(count),
         np.zeros(count, np.int32),
     )

@@ -115,8 +115,8 @@ def source_times(
     visits, travel = _visits(job, machine, graph, Toolpath.as_sliced(len(job.contours)))
     first, last = visits.ends[:, 0], visits.ends[:, 1]
     stood = np.concatenate([_park(machine)[None], last[:-1]])
-    way = [travel_seconds(p, q, travel) for p, q in zip(stood, first, strict=True)]
-    end = np.cumsum(np.array(way) + visits.seconds[0])
+    travels = [travel_seconds(p, q, travel) for p, q in zip(stood, first, strict=True)]
+    end = np.cumsum(np.array(travels) + visits.seconds[0])
     return end - visits.seconds[0], end
 
 

@@ -51,7 +51,7 @@ def schedule(
         How long what is printed over must cool: heads rest where nothing else takes that
         long, to a quarter of a second. None: nothing has to.
     detours : Detours | None
-        The ways of a single head's travels round outer walls. None: they go straight.
+        The paths of a single head's travels round outer walls. None: they go straight.
 
     Returns
     -------

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.joint import UNIT_PRINT
-from decmcts._kernels.engine.routes import Beads, Bends, Rows, travel_levels
+from decmcts._kernels.engine.routes import Bends, Rows, travel_levels
 from decmcts._kernels.geometry.travel import HeightField, deposit
 from decmcts._kernels.geometry.walls import Walls
 from decmcts.feasibility.packed_head import pack_contours, pack_head
@@ -46,14 +46,13 @@ def unit_travels(
     """Return the path of each unit as if all were travels.
 
     What a printing unit gets here means nothing; its path is the contour's. A travel
-    that stays bare inside `walls` is not lifted, unless something printed is in its way.
+    that stays bare inside `walls` is not lifted, unless something printed is there.
     With `detours` those of one head go round outer walls; several reserve the space of
     straight travels. What is `printed` already is cleared by all of them.
     """
     starts, goals = _starts(order, space), order.target.copy()
     level = np.zeros(len(order.head))  # units that print keep it
-    packed = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
-    beads = Beads(packed.points, packed.offsets, packed.radius)
+    beads = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     alone = detours if len(machine.heads) == 1 else None
     bends = _bends(order, alone, starts, goals)
     units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
@@ -98,8 +97,8 @@ def _hops(
     )
     bent = np.flatnonzero(np.diff(bends.offsets))
     if len(bent):
-        ways = _paths(starts[bent], goals[bent], _of(bends, bent), ends[bent])
-        far[bent] = retracted_paths(walls, job.settings, ways.points, ways.offsets)
+        bowed = _paths(starts[bent], goals[bent], _of(bends, bent), ends[bent])
+        far[bent] = retracted_paths(walls, job.settings, bowed.points, bowed.offsets)
     top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
     lifted = np.minimum(ends + _hop_of(job, order), np.maximum(top, ends))
     return np.where(far, lifted, ends)
@@ -144,8 +143,8 @@ def _paths(
         return straight
     paths = np.split(straight.points, straight.offsets[1:-1])
     for m in bent:
-        way = bends.points[bends.offsets[m] : bends.offsets[m + 1]]
-        over = np.column_stack([way, np.full(len(way), level[m])])
+        corners_of = bends.points[bends.offsets[m] : bends.offsets[m + 1]]
+        over = np.column_stack([corners_of, np.full(len(corners_of), level[m])])
         ends = np.array([starts[m], goals[m]])
         above = ends.copy()
         above[:, 2] = level[m]

@@ -79,15 +79,15 @@ def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list
 def _waiting(
     job: PrintJob, machine: Machine, to: _Row, travels: list[_Row], wait_s: float
 ) -> Iterator[_Row]:
-    """Yield the way to a contour with a wait of `wait_s` in it, high above where it begins."""
-    way = np.concatenate([t.path for t in travels] or [to.path[:1]])
-    start, k = way[0], to.action
-    rises = _rises(way)
+    """Yield the path to a contour with a wait of `wait_s` in it, high above where it begins."""
+    path = np.concatenate([t.path for t in travels] or [to.path[:1]])
+    start, k = path[0], to.action
+    rises = _rises(path)
     up = start.copy()
     up[2] = max(start[2], min(start[2] + LIFT_MM, machine.heads[0].reach_max[2]))
     if rises:
-        up[2] = max(up[2], way[1, 2])
-    rest = np.concatenate([up[None], way[1:] if rises else way])
+        up[2] = max(up[2], path[1, 2])
+    rest = np.concatenate([up[None], path[1:] if rises else path])
     feed = travel_feed(job.settings, machine.limits)
     lift = path_time(np.stack([start, up]), feed, machine.limits)
     onward = max(sum(t.seconds for t in travels), path_time(rest, feed, machine.limits))
@@ -100,9 +100,9 @@ def _waiting(
     yield _Row(ActionKind.TRAVEL, k, rest, onward)
 
 
-def _rises(way: NDArray[np.float64]) -> bool:
+def _rises(path: NDArray[np.float64]) -> bool:
     """Whether a path begins straight upwards."""
-    return len(way) > 1 and bool((way[1, :2] == way[0, :2]).all() and way[1, 2] >= way[0, 2])
+    return len(path) > 1 and bool((path[1, :2] == path[0, :2]).all() and path[1, 2] >= path[0, 2])
 
 
 def _actions(old: HeadActions, rows: list[_Row]) -> HeadActions:

@@ -28,14 +28,14 @@ def test_launch_says_that_nothing_is_written(capsys: pytest.CaptureFixture[str])
 def test_a_file_of_parameters_changes_what_agents_do(tmp_path: Path) -> None:
     """Without a tree a head has one plan to tell, so it is never undecided."""
     chosen, record, plan = tmp_path / "team.toml", tmp_path / "r.jsonl", tmp_path / "plan.json"
-    chosen.write_text("share = 0 # no tree\nwindows = 0\npolicies = 1\n")
+    chosen.write_text("share = 0 # no tree\nwindows = 0\ntries = 1\n")
     line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--team", str(chosen)]
     line += ["--time-limit", "0.2", "--record", str(record), "--plan", str(plan)]
     assert run(line) == 0
     told = [agent for _, agents in read_record(record)[1] for agent in agents if agent.rounds]
     assert told and {agent.entropy for agent in told} == {0.0}
     stated = read_plan(plan).metrics["parameters"]
-    assert stated == {"share": 0, "windows": 0, "policies": 1}
+    assert stated == {"share": 0, "windows": 0, "tries": 1}
 
 
 @pytest.mark.parametrize(

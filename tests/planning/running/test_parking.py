@@ -38,7 +38,7 @@ def test_heads_that_are_parked_need_no_plan(made: Made) -> None:
 def test_a_head_in_the_way_is_named(made: Made) -> None:
     """A dead head right of where the right one parks lets nobody pass."""
     machine = made.document.machine
-    with pytest.raises(InputError, match="no clear way"):
+    with pytest.raises(InputError, match="no clear path"):
         parking_plan(
             made.document, machine, {"right": (100.0, 100.0, 0.6)}, {"left": (300.0, 100.0, 0.6)}
         )

@@ -245,7 +245,7 @@ class Careless(Agents):
 def test_welds_are_no_older_than_asked(tmp_path: Path) -> None:
     """Where what is agreed welds later the sweep is printed, and cut is what that has in time."""
     source = read(slab(tmp_path / "slab.gcode", layers=3), "dual-gantry")
-    nothing = {"share": 0.0, "windows": 0, "policies": 1}  # is searched
+    nothing = {"share": 0.0, "windows": 0, "tries": 1}  # is searched
     problem, free = (
         problem_of(source, Rules(), unheard),
         TeamSearch(0.5, cut=Cut.ALL, parameters=nothing),

@@ -14,10 +14,9 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.team.dec_mcts import planner as dec_mcts
-from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
-from decmcts.team.dec_mcts.parameters import GONE, RANGES, Parameters, changed
+from decmcts.team.dec_mcts.parameters import RANGES, Parameters, changed
 from decmcts.team.dec_mcts.planner import DecMcts
-from decmcts.team.engine.plans import decode, encode
+from decmcts.team.engine.plans import decode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 PAGE = Path(__file__).parents[3] / "docs" / "team.md"
@@ -86,15 +85,6 @@ def test_limits_are_allowed_and_beyond_them_is_refused(key: str) -> None:
         assert f"{least:g}..{most:g}, found {value!r}" in str(error.value)
 
 
-@pytest.mark.parametrize("key", GONE)
-def test_what_is_gone_is_refused_with_what_is_done_instead(key: str) -> None:
-    """A file of before must not be taken for one that changes something."""
-    with pytest.raises(InputError) as error:
-        changed(Parameters(), {"gamma": 0.8, key: "d-uct"}, path="team.toml")
-    said = f"team.toml: {key}: is no parameter any more"
-    assert str(error.value).startswith(said) and GONE[key] in str(error.value)
-
-
 @pytest.mark.parametrize("value", [True, "1", None, [1], float("nan"), float("inf"), 10**400])
 @pytest.mark.parametrize("key", ["beta", "samples"])
 def test_what_is_no_number_is_refused(key: str, value: Any) -> None:
@@ -157,25 +147,3 @@ def test_with_no_step_the_distribution_stays_even(problem: TeamProblem) -> None:
     assert all(len(told.sequences) > 1 for told in frozen)
     assert [told.entropy for told in frozen] == pytest.approx([1.0, 1.0])
     assert all(told.entropy < 1.0 - 1e-6 for told in moving)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("policies", [1, 3])
-def test_few_policies_are_enough(problem: TeamProblem, policies: int) -> None:
-    """Also where there are more heads than policies; none of the others is ever named."""
-    for agent in team_after(problem, 3, policies=policies):
-        plans = [*agent._tree.plans, *agent._values.starts[0, 1].plans.values()]
-        named = {decode(plan, problem.n_macros, len(problem.macro)).policy for plan in plans}
-        assert 0 in named and max(named) < policies
-
-
-def test_exchanges_name_only_the_policies_there_are(problem: TeamProblem) -> None:
-    """The moves of the tree choose policies too."""
-    rng = np.random.default_rng(1)
-    plans = {r: encode(0, problem.n_macros) for r in range(2)}
-    found = set()
-    for _ in range(300):
-        made = [exchange(problem, 0, plans[0], rng, policies=2)]
-        made += exchange_jointly(problem, plans, rng, policies=2).values()
-        found |= {decode(plan, problem.n_macros, len(problem.macro)).policy for plan in made}
-    assert found == {0, 1}

@@ -7,7 +7,7 @@ import pytest
 
 from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.engine.plans import POLICIES, TUNED
-from decmcts.team.engine.policy_space import places
+from decmcts.team.engine.policy import places
 
 
 def _run(trials: PolicyTrials, of: list[float] | np.ndarray) -> list[int]:
@@ -23,7 +23,7 @@ def _run(trials: PolicyTrials, of: list[float] | np.ndarray) -> list[int]:
 def test_the_heads_share_the_first_ones_out(heads: int) -> None:
     """No two heads try the same policy before they know which are good."""
     tries = 30
-    everyones = [PolicyTrials(r, heads, policies=len(POLICIES), tries=tries) for r in range(heads)]
+    everyones = [PolicyTrials(r, heads, tries=tries) for r in range(heads)]
     first = [row for trials in everyones for row in trials._open]
     assert len(first) == len(set(first)) == 10
     assert all(len(_run(trials, np.ones(len(POLICIES)))) == tries // heads for trials in everyones)
@@ -31,15 +31,15 @@ def test_the_heads_share_the_first_ones_out(heads: int) -> None:
 
 def test_the_first_ones_are_of_all_kinds() -> None:
     """Tuned ones, which are good on many prints, and others in turn."""
-    first = PolicyTrials(0, 1, policies=len(POLICIES), tries=48)._open
+    first = PolicyTrials(0, 1, tries=48)._open
     assert sum(row < TUNED for row in first) == sum(row >= TUNED for row in first) == 8
 
 
 def test_then_it_tries_what_is_like_the_best() -> None:
     """A few trials find a good policy where like policies make like plans."""
-    at = places(len(POLICIES))
+    at = places()
     makespans = np.linalg.norm(at - at[300], axis=1)
-    trials = PolicyTrials(0, 1, policies=len(POLICIES), tries=48)
+    trials = PolicyTrials(0, 1, tries=48)
     tried = _run(trials, makespans)
     assert len(set(tried)) == 48
     random = np.median(np.sort(makespans)[: len(makespans) // 48])
@@ -47,10 +47,9 @@ def test_then_it_tries_what_is_like_the_best() -> None:
     assert np.mean(makespans[tried[16:]]) < 0.8 * np.mean(makespans[tried[:16]])
 
 
-@pytest.mark.parametrize(("policies", "heads"), [(1, 1), (1, 4), (3, 2), (3, 8), (20, 2)])
-def test_each_head_tries_one_at_least_and_none_twice(policies: int, heads: int) -> None:
-    """Also where there are more heads than policies."""
+@pytest.mark.parametrize(("tries", "heads"), [(1, 1), (1, 4), (3, 2), (512, 2), (512, 8)])
+def test_each_head_tries_one_at_least_and_none_twice(tries: int, heads: int) -> None:
+    """Also where there are more heads than tries."""
     for turn in range(heads):
-        trials = PolicyTrials(turn, heads, policies=policies, tries=512)
-        tried = _run(trials, np.arange(512.0))
-        assert 1 <= len(tried) == len(set(tried)) <= policies and max(tried) < policies
+        tried = _run(PolicyTrials(turn, heads, tries=tries), np.arange(512.0))
+        assert len(tried) == len(set(tried)) == max(1, round(tries / heads))

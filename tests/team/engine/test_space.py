@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.aside import way_from_parks
+from decmcts._kernels.engine.aside import path_from_parks
 from decmcts._kernels.engine.carry_out import eligible_heads
 from decmcts._kernels.engine.joint import Visits
 from decmcts._kernels.engine.lags import no_lags
@@ -241,6 +241,6 @@ def test_on_a_rail_earlier_answers_tell_who_is_let_in(seed: int) -> None:
     fleet = fleet._replace(low=fleet.parks[:, :2] - width, high=fleet.parks[:, :2] + width)
     assert fleet.lined
     found = eligible_heads(np.ones((n, heads), np.bool_), visits, fleet)
-    asked = [[way_from_parks(r, c, visits, fleet) for r in range(heads)] for c in range(n)]
+    asked = [[path_from_parks(r, c, visits, fleet) for r in range(heads)] for c in range(n)]
     assert np.array_equal(found, asked)
     assert 0.0 < found.mean() < 1.0

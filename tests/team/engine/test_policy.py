@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from decmcts.team.engine.plans import POLICIES
-from decmcts.team.engine.policy_space import NEAR, beside, places
+from decmcts.team.engine.policy import NEAR, beside, places
 
 
 def test_weights_count_by_their_ratio() -> None:
     """Twice a small weight is as far as twice a large one; nothing is infinitely far."""
-    at = places(len(POLICIES))
+    at = places()
     assert at.shape == (len(POLICIES), 6) and np.isfinite(at).all()
     step = np.log10(POLICIES[3, 0] / POLICIES[1, 0]) / 2.5
     assert at[3, 0] - at[1, 0] == pytest.approx(step)
@@ -19,16 +19,8 @@ def test_weights_count_by_their_ratio() -> None:
 
 def test_most_moves_are_to_near_policies_some_to_any() -> None:
     """Refines a good policy, but does not stay with it for ever."""
-    rng, at = np.random.default_rng(0), places(len(POLICIES))
-    found = np.array([beside(100, rng, len(POLICIES)) for _ in range(500)])
+    rng, at = np.random.default_rng(0), places()
+    found = np.array([beside(100, rng) for _ in range(500)])
     order = np.argsort(np.linalg.norm(at - at[100], axis=1), kind="stable")
     near = np.isin(found, order[1 : NEAR + 1])
     assert 0.6 < near.mean() < 0.8 and len(set(found.tolist())) > 3 * NEAR
-
-
-@pytest.mark.parametrize("policies", [1, 2, 5])
-def test_few_policies_are_enough(policies: int) -> None:
-    """Also where the policy that is left is none of them."""
-    rng = np.random.default_rng(0)
-    for row in (0, policies - 1, 300):
-        assert {beside(row, rng, policies) for _ in range(60)} <= set(range(policies))

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from decmcts.experiments.baselines import annealing, one_tree, policies
+from decmcts.experiments.baselines.policies import dispatched, nth_weights
+from decmcts.experiments.teams import in_one_process
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.baselines import annealing
-from decmcts.team.baselines.incumbent import Budget, Incumbent
-from decmcts.team.baselines.lists import dispatched, nth_weights
-from decmcts.team.baselines.planners import BASELINES, in_one_process
-from decmcts.team.baselines.static_split import owners
 from decmcts.team.engine.order import units_of
 from decmcts.team.engine.plans import StatedOrder, encode_stated
-from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
+from decmcts.team.incumbent import Budget
 from decmcts.team.schedule.joint_plan import schedule
 from tests.makers.random_teams import judged, problem_of
 
-PLANNERS = {**BASELINES, "in-one-process": in_one_process}
+BASELINES = {"annealing": annealing.plan, "policies": policies.plan}
+PLANNERS = {**BASELINES, "one tree": one_tree.plan, "in one process": in_one_process}
 FEW = 30  # joint orders
 
 
@@ -28,17 +28,16 @@ def few(orders: int = FEW) -> Budget:
 
 
 @pytest.fixture(scope="module")
-def problem(case) -> TeamProblem:
-    """Two heads on a rail, 48 contours."""
-    small = case(0)
-    return build_team_problem(small.job, small.machine, small.graph)
+def problem() -> TeamProblem:
+    """A random print on a random machine."""
+    return problem_of(1)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLANNERS)
 def test_the_judge_accepts_what_is_found(name, problem):
     """A baseline that cheats would be no yardstick."""
-    found = PLANNERS[name](problem, few(2 if name == "in-one-process" else FEW), seed=1)
+    found = PLANNERS[name](problem, few(FEW if name in BASELINES else 2), seed=1)
     plan = schedule(problem.job, problem.machine, problem.graph, found.toolpaths)
     assert judged(problem, plan, 3).ok
     assert sum(len(path) for path in found.toolpaths) == len(problem.macro)
@@ -74,21 +73,15 @@ def test_makespans_are_the_engine_s(name, problem):
     assert float(units.end.max()) == pytest.approx(found.makespan_s, rel=1e-12)
     stated = StatedOrder.of(found.toolpaths)
     plan = encode_stated(stated, len(found.toolpaths), problem.n_macros)
-    assert resolve(problem, {0: plan}, range(2)).makespan_s == pytest.approx(found.makespan_s)
-
-
-def test_every_contour_has_one_owner_that_may_print_it(problem):
-    """A static split that leaves something out would finish early."""
-    for borders in ([0.5], [0.0], [1.0]):
-        owned = owners(problem, np.array(borders))
-        assert (owned.sum(axis=1) == 1).all()
-        assert not (owned & ~problem.space.eligible).any()
+    assert resolve(problem, {0: plan}, range(len(found.toolpaths))).makespan_s == pytest.approx(
+        found.makespan_s
+    )
 
 
 def test_annealing_moves_keep_the_precedence(problem):
-    """The engine refuses an order in which something is printed before what it rests on."""
+    """The engine refuses an order in which something is printed before what supports it."""
     rng = np.random.default_rng(2)
-    units = dispatched(problem, nth_weights(0, 2, rng))
+    units = dispatched(problem, nth_weights(0, len(problem.machine.heads), rng))
     order, moves = annealing.order_of(units), annealing.Moves(problem, rng)
     before, after = problem.graph.pairs().T
     for _ in range(300):
@@ -97,13 +90,3 @@ def test_annealing_moves_keep_the_precedence(problem):
         assert np.array_equal(np.sort(order.contour), np.arange(len(place)))
         assert (place[before] < place[after]).all()
         assert problem.space.eligible[np.arange(len(place)), order.head].all()
-
-
-def test_incumbent_keeps_the_best_and_when():
-    """Time to a target is read off the history."""
-    seconds = iter(range(100))
-    best = Incumbent(Budget(Stopping(50.0), clock=lambda: float(next(seconds))), 2)
-    for makespan in (9.0, 11.0, 7.0):
-        best.offer_toolpaths((), makespan)
-    assert [value for _, value in best.found.history] == [9.0, 7.0]
-    assert best.orders == 3

@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.joint import Units
+from decmcts.experiments.baselines.policies import dispatched, nth_weights
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.baselines.incumbent import Budget, Found, Incumbent, stated_of
-from decmcts.team.baselines.lists import dispatched, nth_weights
 from decmcts.team.dec_mcts.planner import ENOUGH, FAR
 from decmcts.team.engine.order import units_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.incumbent import Budget, Found, Incumbent, stated_of
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
 FIRST = 128  # policies tried at first

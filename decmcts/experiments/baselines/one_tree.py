@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
 from decmcts.team.dec_mcts.exchange import exchange_jointly
 from decmcts.team.dec_mcts.planner import DecMcts
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
+from decmcts.team.incumbent import Budget, Found, Incumbent
 
 
 class OneTree(DecMcts):

@@ -1,0 +1,1 @@
+"""Other planners for several heads, which experiments and benchmarks compare with."""

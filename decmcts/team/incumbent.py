@@ -1,0 +1,173 @@
+"""The best joint order a planner has found, and how long it may go on looking.
+
+For planners other than Dec-MCTS: of users (`TeamIncumbent`) and of experiments. All joint orders
+are judged by the same engine.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.joint import Units
+from decmcts.arguments import checked
+from decmcts.errors import InputError
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.engine.plans import StatedOrder
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import as_stated
+
+Clock = Callable[[], float]
+PROCESSOR: Clock = time.process_time
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What a planner may spend."""
+
+    stopping: Stopping  # iterations are joint orders tried, of which there is always one
+    clock: Clock = PROCESSOR
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a planner found; `decmcts.team.schedule.joint_plan` makes the exact plan of it."""
+
+    toolpaths: tuple[Toolpath, ...]  # one per head of the machine
+    makespan_s: float  # estimate of the engine, as of `decmcts.team.engine.resolve`
+    orders: int  # joint orders tried
+    history: tuple[tuple[float, float], ...]  # seconds and makespan whenever it got better
+
+
+class Incumbent:
+    """The best joint order so far."""
+
+    def __init__(self, budget: Budget, heads: int) -> None:
+        self._budget, self._heads = budget, heads
+        self._started = budget.clock()
+        self._toolpaths: tuple[Toolpath, ...] = ()
+        self._history: list[tuple[float, float]] = []
+        self.makespan_s = np.inf
+        self.orders = 0
+
+    @property
+    def seconds(self) -> float:
+        """Seconds spent so far."""
+        return self._budget.clock() - self._started
+
+    @property
+    def share(self) -> float:
+        """Share of the budget that is spent, 0..1."""
+        return min(1.0, self._budget.stopping.spent(self.seconds, self.orders))
+
+    @property
+    def ended(self) -> bool:
+        """Whether the budget is spent."""
+        return self.orders > 0 and self._budget.stopping.ends(self.seconds, self.orders)
+
+    def offer(self, units: Units) -> float:
+        """Keep the order that units were put in if it is the best; returns its makespan."""
+        makespan = float(units.end[: int(units.used[0])].max(initial=0.0))
+        better = self._counted(makespan)
+        if better:
+            self._toolpaths = tuple(stated_of(units).toolpaths(self._heads))
+        return makespan
+
+    def offer_toolpaths(self, toolpaths: Sequence[Toolpath], makespan_s: float) -> None:
+        """Keep a joint order judged elsewhere if it is the best."""
+        if self._counted(makespan_s):
+            self._toolpaths = tuple(toolpaths)
+
+    def _counted(self, makespan_s: float) -> bool:
+        self.orders += 1
+        better = makespan_s < self.makespan_s
+        if better:
+            self.makespan_s = makespan_s
+            self._history.append((self.seconds, makespan_s))
+        return better
+
+    @property
+    def found(self) -> Found:
+        """The best so far; something was offered."""
+        return Found(self._toolpaths, self.makespan_s, self.orders, tuple(self._history))
+
+
+class TeamIncumbent(Incumbent):
+    """The best joint order so far, of a print for several heads.
+
+    Parameters
+    ----------
+    problem : TeamProblem
+        The print, the machine, what must come before what, and who may print what
+        (`problem.space.eligible`, (n, heads)).
+    budget : Budget
+        How long to search.
+    """
+
+    def __init__(self, problem: TeamProblem, budget: Budget) -> None:
+        super().__init__(budget, len(problem.machine.heads))
+        self.problem = problem
+
+    @property
+    def over(self) -> bool:
+        """Whether the search has ended."""
+        return self._budget.stopping.ends(self.seconds, self.orders)
+
+    @checked
+    def offer_order(
+        self,
+        order: NDArray[np.int32],
+        head: NDArray[np.int32],
+        reversed: NDArray[np.int32] | None = None,  # noqa: A002 - the project's word
+    ) -> float:
+        """Keep a joint order if it is the best, and return its makespan by the engine, s.
+
+        Parameters
+        ----------
+        order : NDArray[np.int32]
+            (n,) contours; where two heads want the same space, the first in this order goes
+            first.
+        head : NDArray[np.int32]
+            (n,) which head prints each of them.
+        reversed : NDArray[np.int32] | None
+            (n,) 1 for those printed from their last point; None: none is.
+
+        Returns
+        -------
+        float
+            Infinite where the order breaks precedence, a head may not print what it shall, or
+            heads block each other.
+
+        Raises
+        ------
+        InputError
+            If `order` has not each contour once, or shapes or heads are wrong.
+        """
+        n, heads = len(self.problem.job.contours), self._heads
+        order, head = np.asarray(order), np.asarray(head)
+        turned = np.zeros(n, np.bool_) if reversed is None else np.asarray(reversed) > 0
+        if not np.array_equal(np.sort(order, axis=None), np.arange(n)):
+            raise InputError(f"order has not each of {n} contours once")
+        for name, given in (("head", head), ("reversed", turned)):
+            if given.shape != (n,):
+                raise InputError(f"{name} has shape {given.shape}, expected ({n},)")
+        if not np.isin(head, np.arange(heads)).all():
+            raise InputError(f"head names one outside 0..{heads - 1}")
+        stated = StatedOrder(order.astype(np.int32), turned, head.astype(np.int64))
+        found = as_stated(self.problem, stated, range(heads))
+        makespan_s = np.inf if found is None else found.makespan_s
+        self.offer_toolpaths(() if found is None else found.toolpaths, makespan_s)
+        return float(makespan_s)
+
+
+def stated_of(units: Units) -> StatedOrder:
+    """Return the joint order in which units were placed."""
+    used = int(units.used[0])
+    row = np.flatnonzero(units.contour[:used] >= 0)
+    head = units.head[row].astype(np.int64)
+    return StatedOrder(units.contour[row].astype(np.int32), units.reversed[row], head)
