@@ -77,6 +77,18 @@ def add_print(
 
 
 @kernel
+def _back(moves: Moves) -> tuple[float, float]:
+    """Return the direction from where the last move that went anywhere in the plane ended, back."""
+    for i in range(moves.used[0], 0, -1):
+        x = moves.points[i - 1, 0] - moves.points[i, 0]
+        y = moves.points[i - 1, 1] - moves.points[i, 1]
+        length = np.sqrt(x * x + y * y)
+        if length > 0.0:
+            return x / length, y / length
+    return 1.0, 0.0
+
+
+@kernel
 def add_travel(
     path: NDArray[np.float64],
     retracts: bool,
@@ -91,7 +103,9 @@ def add_travel(
     if pulls and after_print and habit.wipe_mm > 0.0:
         add_move(x, y, z, -habit.pull_mm, habit.pull_feed, 0, action, moves)
         share, half = -0.5 * habit.wipe_filament, 0.5 * habit.wipe_mm
-        add_move(x + half, y, z, share, habit.wipe_feed, 0, action, moves)
+        along_x, along_y = _back(moves)
+        to_x, to_y = x + half * along_x, y + half * along_y
+        add_move(to_x, to_y, z, share, habit.wipe_feed, 0, action, moves)
         add_move(x, y, z, share, habit.wipe_feed, 0, action, moves)
     elif pulls:
         add_move(x, y, z, -habit.push_mm, habit.pull_feed, 0, action, moves)

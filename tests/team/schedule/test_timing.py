@@ -32,9 +32,9 @@ def seconds(job: PrintJob, travel: list[tuple[float, float, float]], **options) 
     paths = [np.array(p, float) for p in (LINE, travel, NEXT)]
     offsets = np.cumsum([0, *map(len, paths)])
     contour, zero = np.array([0, -1, 1], np.int32), np.zeros(3, np.int32)
-    rests = options.pop("rests", False)
+    rests, limits = options.pop("rests", False), options.pop("limits", LIMITS)
     return action_times(
-        job, LIMITS, np.concatenate(paths), offsets, contour, zero > 0, zero, rests=rests
+        job, limits, np.concatenate(paths), offsets, contour, zero > 0, zero, rests=rests
     ).seconds.tolist()
 
 
@@ -63,6 +63,16 @@ def test_a_short_travel_is_not_retracted(job):
     """The source's own threshold counts."""
     near = replace(job, settings=replace(SETTINGS, retract_min_travel_mm=60.0))
     assert seconds(near, [LINE[1], NEXT[0]])[1] == pytest.approx(50 / 150 + 150 / 2000)
+
+
+def test_a_wipe_goes_back_along_the_bead(job):
+    """A wipe that went on ahead let a bead end at speed, too soon for the judge."""
+    wiping = replace(job, settings=replace(SETTINGS, wipe_mm=3.0, wipe_filament_mm=2.0))
+    limits = replace(LIMITS, jerk=(10.0, 10.0, 0.2, 30.0))
+    plain, wiped = (
+        seconds(one, [LINE[1], NEXT[0]], limits=limits)[0] for one in (job, wiping)
+    )  # fmt: skip
+    assert wiped == pytest.approx(plain)
 
 
 def test_each_segment_keeps_the_acceleration_set_for_it(job):
