@@ -275,6 +275,12 @@ class Emitter:
         if habits.resets_e:
             self.set_e(0.0)
 
+    def withdraw(self, deep: float) -> None:
+        """Pull back until `deep` mm are retracted, standing still, for who stands idle."""
+        if not (self.cold or self.settings.firmware_retraction or self.owed >= deep - 1e-6):
+            self._pulled = True
+            self.owe(deep)
+
     def retract_for(self, way: Sequence[Point]) -> None:
         """Retract if the travel along `way` is one that is retracted."""
         if not self._withdrawn() and retracts(self.walls, self.settings, way):
