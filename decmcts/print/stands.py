@@ -63,6 +63,15 @@ def stands_of(
     return found
 
 
+def primed_before(actions: HeadActions, after_s: float) -> NDArray[np.bool_]:
+    """Return the actions that lay a bead where the head has laid nothing for so long, (k,)."""
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    laid_s = np.concatenate([[0.0], np.asarray(actions.end_s)[prints[:-1]]])[: len(prints)]
+    found = np.zeros(len(actions), np.bool_)
+    found[prints] = np.asarray(actions.begin_s)[prints] - laid_s >= after_s
+    return found
+
+
 def cooling_of(stand: Stand, degrees: float, idle: Idle) -> Cooling | None:
     """Return how a hot end cools by up to some degrees in a stand; None: it stays hot.
 

@@ -10,7 +10,6 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.document import IDLE_S
 from decmcts.formats.gcode.reading.without_tower import without_tower
 from decmcts.formats.gcode.writing.own_tools import Freed, with_own_tools
 from decmcts.formats.mesh import SliceOptions
@@ -20,6 +19,7 @@ from decmcts.planning.problem.source import read_source
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.contours import Role
+from decmcts.print.idle import IDLE_S
 from sim.experiments.made_print import made_tools_gcode
 from sim.files.tower import read_without_tower
 from sim.heads.changes import without_changes

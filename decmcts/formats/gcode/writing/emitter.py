@@ -327,9 +327,9 @@ class Emitter:
             if passed and k in passed:
                 self.say(passed[k])
 
-    def dwell(self, seconds: float) -> None:
-        """Stand still."""
-        self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {WAIT_MARK}")
+    def dwell(self, seconds: float, mark: str = WAIT_MARK) -> None:
+        """Stand still; `mark` says what for."""
+        self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {mark}")
 
     def _travel_feed(self, to: Point) -> float:
         upright = to[0] == self.at[0] and to[1] == self.at[1]

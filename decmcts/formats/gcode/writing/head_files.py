@@ -56,7 +56,7 @@ from typing import BinaryIO, TextIO
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.dialects.dialect import UNKNOWN
+from decmcts.formats.gcode.dialects.dialect import IDLE_MARK, UNKNOWN, WAIT_MARK
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.text.source_text import save_text
@@ -79,7 +79,7 @@ from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
-from decmcts.print.stands import Cooling, Stand, cooling_of, stands_of
+from decmcts.print.stands import Cooling, Stand, cooling_of, primed_before, stands_of
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords, said
 from decmcts.print.walls import walls_for
 
@@ -307,7 +307,7 @@ class _HeadFile:
         self.idle, self.practice = idle, idle.over(job.practice(tool))
         self.stands = stands_of(head, index, job.contours.epoch, idle.after_s)
         self.hot_end = HotEndTold()
-        self.laid_s = 0.0  # when the head's last bead ends, by the plan
+        self.primed: list[bool] = primed_before(head, idle.after_s).tolist()
 
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
         """Set up and go to the park position, one head after the other."""
@@ -392,7 +392,7 @@ class _HeadFile:
         self.emitter.say("M400")
         self.emitter.say(f"M104 S{standby:g}")
         if not cooling.behind:
-            self._dwell(cooling.cool_s)
+            self._dwell(cooling.cool_s, IDLE_MARK)
             self.emitter.say(f"M104 {heat}")
             self._wait_for(numbers, lag_s, rested_s)
         else:
@@ -420,9 +420,8 @@ class _HeadFile:
         """Write what stands before a contour in the source's own lines, and the contour."""
         emitter, contour = self.emitter, self.contours[k]
         changed = self._cross(self.epochs[contour])
-        if self.begins_s[k] - self.laid_s >= self.idle.after_s and not changed:
+        if self.primed[k] and not changed:
             emitter.owed += self.practice.prime_mm
-        self.laid_s = self.ends_s[k]
         emitter.owed += self.due.pop(contour, 0.0)
         print_contour(
             emitter, self.beads, contour, [], is_reversed=self.reversed[k], entry=self.entries[k],
@@ -447,11 +446,11 @@ class _HeadFile:
         if (self.index, k) in self.points.apart:
             self._dwell(self.apart_s)
 
-    def _dwell(self, seconds: float) -> None:
-        """Stand still for a lag, in as many parts as controllers take."""
+    def _dwell(self, seconds: float, mark: str = WAIT_MARK) -> None:
+        """Stand still, in as many parts as controllers take."""
         while seconds > 0.0:
             part = min(seconds, LONGEST_DWELL_S)
-            self.emitter.dwell(part)
+            self.emitter.dwell(part, mark)
             seconds -= part
 
     def _retract_for(self, k: int) -> None:
