@@ -17,7 +17,7 @@ where it prints is compared elsewhere, bead by bead (`sim.heads.changes`).
 from __future__ import annotations
 
 import re
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -257,11 +257,12 @@ def _late(file: HeadFile, group: Standby, stand: Stand, idle: Idle) -> Iterator[
 def _pushed(file: HeadFile, windows: Sequence[tuple[int, int]], idling: Idling) -> Iterator[str]:
     """Yield the stands in which filament is not pulled back as far as it has to be."""
     deep, motion = idling.practice.retract_mm, file.motion
-    waits = [sync.line for sync in file.syncs if not sync.signal]
+    stills = [sync.line for sync in file.syncs if not sync.signal]
+    stills = sorted(stills + [line for line, code in file.others if _DWELL.match(code)])
     for k in sorted(idling.stands or ()):
         low, high = windows[k]
-        rows = range(bisect_right(waits, low), bisect_left(waits, high))
-        at = waits[rows[0 if k else -1]] if rows else high  # above the first others are set up
+        last = bisect_left(stills, high) - 1  # others may be for what stands still above
+        at = stills[last] if last >= 0 and stills[last] > low else high
         owed = float(motion.extruder[max(at - 2, 0), 1])
         if owed < deep - OWED_MM:
             yield f"line {at}: it stands idle with {owed:g} mm retracted, {deep:g} are due"

@@ -390,7 +390,7 @@ class _HeadFile:
             return
         heat = f"S{hot:g}"
         self.emitter.say("M400")
-        self.emitter.say(f"M104 S{standby:g}")
+        self.emitter.say(f"M104 S{standby:g} {IDLE_MARK}")
         if not cooling.behind:
             self._dwell(cooling.cool_s, IDLE_MARK)
             self.emitter.say(f"M104 {heat}")

@@ -46,6 +46,7 @@ _COMMAND = re.compile(rb"^\s*(?:N\d+\s*)?M10([49])(?![0-9.])([^;(]*)", re.I)
 _VALUE = re.compile(rb"[SR]\s*(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"(?:^|(?<=[\s0-9.]))T\s*(\d+)", re.I)
 _BED = re.compile(rb"^\s*(?:N\d+\s*)?M1(?:40|90)(?![0-9.])([^;(]*)", re.I)
+_MOVES = re.compile(rb"G0*(?:[0-3]|1[01](?!.*[PL]))(?![0-9.])", re.I)
 EARLY = "; while other heads are set up"
 _SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)", re.I)
 
@@ -68,8 +69,10 @@ class HotEndTold:
     def take(self, text: bytes) -> None:
         """Take lines of the file."""
         for row in text.splitlines():
-            if (event := classify(row)).kind == Kind.BARRIER:
-                self._targets.again(command_of(row).decode("utf-8", "replace"), event.text)
+            if (code := command_of(row)) and not _MOVES.match(code):
+                event = classify(row)
+                if event.kind == Kind.BARRIER:
+                    self._targets.again(code.decode("utf-8", "replace"), event.text)
 
     @property
     def degrees(self) -> float | None:
