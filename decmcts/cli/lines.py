@@ -11,7 +11,7 @@ from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.result import Result
 from decmcts.planning.writing.file_times import FileTimes, is_longer
-from decmcts.print.figures import clock_time
+from decmcts.print.figures import clock_time, idle_line
 from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
@@ -107,7 +107,7 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
         f"above the {proven} ({clock_time(bound)})",
         f"of the print time each head prints: {', '.join(shares)}",
         *_cut_line(after),
-        *_idle_line(after),
+        *([line] if (line := idle_line(after)) else []),
     ]
 
 
@@ -122,17 +122,6 @@ def _cut_line(after: Metrics) -> list[str]:
         f"median, {weld_time(cut['weld_most_s'])} at most"
     )
     return [cuts, *([welds] if cut["welds"] else [])]
-
-
-def _idle_line(after: Metrics) -> list[str]:
-    """Return where heads stand idle, and what is done there, if they do."""
-    if (idle := after.get("idle")) is None or not idle["waits"]:
-        return []
-    done = {"pulled": "pulled back further", "cooled": "cooled to standby", "primed": "primed"}
-    told = [f"{words} {idle[key]} times" for key, words in done.items() if idle.get(key)]
-    count = idle["waits"]
-    waits = f"{count:,} long wait{'s' * (count != 1)}, {clock_time(idle['seconds'])} in all"
-    return [f"{waits}: {', '.join(told) or 'heads stay hot and are not pulled back further'}"]
 
 
 def weld_time(seconds: float) -> str:

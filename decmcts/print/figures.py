@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from decmcts.print.metrics import Metrics
+
 MAKERS = {
     "emitted_travel_mm": "travel",
     "retractions": "retractions",
@@ -46,3 +48,24 @@ def change(was: float, now: float) -> str:
     ('−25.0 %', '')
     """
     return f"{100.0 * (now - was) / was:+.1f} %".replace("-", "−") if was else ""
+
+
+def idle_line(metrics: Metrics) -> str:
+    """Return where heads stand idle and what is done there; nothing where they do not.
+
+    Examples
+    --------
+    >>> idle_line({"idle": {"waits": 2, "seconds": 88.0, "pulled": 2, "primed": 0, "cooled": 1}})
+    '2 long waits, 0:01:28 in all: pulled back further 2 times, cooled to standby 1 time'
+    """
+    idle = metrics.get("idle")
+    if idle is None or not idle["waits"]:
+        return ""
+    done = {"pulled": "pulled back further", "cooled": "cooled to standby", "primed": "primed"}
+    told = [f"{words} {_times(idle[key], 'time')}" for key, words in done.items() if idle.get(key)]
+    waits = f"{_times(idle['waits'], 'long wait')}, {clock_time(idle['seconds'])} in all"
+    return f"{waits}: {', '.join(told) or 'heads stay hot, pulled back as for a travel'}"
+
+
+def _times(count: int, word: str) -> str:
+    return f"{count:,} {word}{'s' * (count != 1)}"

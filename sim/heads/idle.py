@@ -36,7 +36,9 @@ _HEATS = re.compile(rb"M10[49](?![\d.])", re.I)
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 # What heats or cools in a way of its own: macros, homing and probing, changes, pauses, and more.
 _UNSEEN = re.compile(
-    rb"(?![GMT]\d)|T\d|G0*2[89](?![\d.])|G0*10(?=.*[PL])|M0*(?:0|1|25|125|226|303|568|60[01]|70[12])(?![\d.])",
+    rb"(?![GMT]\d|EXCLUDE_OBJECT|SET_(?:PRINT_STATS_INFO|VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION"
+    rb"|FAN_SPEED)\b)|T\d|G0*2[89](?![\d.])|G0*10(?=.*[PL])"
+    rb"|M0*(?:0|1|25|125|226|303|568|60[01]|70[12])(?![\d.])",
     re.I,
 )
 

@@ -21,6 +21,8 @@ from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.contours import Role
 from decmcts.print.idle import IDLE_S, Practice
+from sim.controllers.from_files import programs_of_files
+from sim.controllers.simulate import simulate
 from sim.experiments.made_print import made_tools_gcode
 from sim.files.tower import read_without_tower
 from sim.heads.changes import without_changes
@@ -291,6 +293,9 @@ def test_a_head_that_stands_idle_cools_and_is_hot_again_in_time(
     cooled = [text.count(f"\nM104 S{STANDBY[k]} {IDLE_MARK}\n") for k, text in enumerate(texts)]
     assert sum(cooled) == idle["cooled"] > 0
     assert cooled[1]
+    programs = programs_of_files([Path(path) for path in files[:2]], result.document.machine)
+    ran_s = simulate(programs, result.document.machine).makespan_s
+    assert ran_s == pytest.approx(result.document.plan.makespan_s, rel=0.01)
     for spoil in (
         not_heated, not_waited_for, heated_less, left_colder, heated_late, cooled_in_motion,
         cooled_while_printing, stands_too_long, pulled_less,
