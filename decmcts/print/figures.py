@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from typing import Any
+
 from decmcts.print.metrics import Metrics
+
+_IDLE = {"pulled": "pulled back further", "cooled": "cooled to standby", "primed": "primed"}
 
 MAKERS = {
     "emitted_travel_mm": "travel",
@@ -55,16 +61,25 @@ def idle_line(metrics: Metrics) -> str:
 
     Examples
     --------
-    >>> idle_line({"idle": {"waits": 2, "seconds": 88.0, "pulled": 2, "primed": 0, "cooled": 1}})
+    >>> idle_line({"idle": {"waits": 2, "waits_s": 88.0, "pulled": 2, "primed": 0, "cooled": 1}})
     '2 long waits, 0:01:28 in all: pulled back further 2 times, cooled to standby 1 time'
     """
-    idle = metrics.get("idle")
-    if idle is None or not idle["waits"]:
+    idle: object = metrics.get("idle")  # of a plan that was read it may be anything
+    if not isinstance(idle, Mapping) or not _count(idle, "waits"):
         return ""
-    done = {"pulled": "pulled back further", "cooled": "cooled to standby", "primed": "primed"}
-    told = [f"{words} {_times(idle[key], 'time')}" for key, words in done.items() if idle.get(key)]
-    waits = f"{_times(idle['waits'], 'long wait')}, {clock_time(idle['seconds'])} in all"
+    told = [
+        f"{words} {_times(count, 'time')}"
+        for key, words in _IDLE.items()
+        if (count := _count(idle, key))
+    ]
+    stood = clock_time(_count(idle, "waits_s"))
+    waits = f"{_times(_count(idle, 'waits'), 'long wait')}, {stood} in all"
     return f"{waits}: {', '.join(told) or 'heads stay hot, pulled back as for a travel'}"
+
+
+def _count(figures: Mapping[Any, Any], key: str) -> int:
+    value = figures.get(key)
+    return round(value) if isinstance(value, int | float) and math.isfinite(value) else 0
 
 
 def _times(count: int, word: str) -> str:

@@ -32,7 +32,7 @@ class Stand(NamedTuple):
     behind_s: float  # of it, behind the signals that it waits for
 
 
-class Cooling(NamedTuple):
+class Standby(NamedTuple):
     """How long a hot end is left at standby, and when it is heated again."""
 
     cool_s: float
@@ -72,7 +72,7 @@ def primed_before(actions: HeadActions, after_s: float) -> NDArray[np.bool_]:
     return found
 
 
-def cooling_of(stand: Stand, degrees: float, idle: Idle) -> Cooling | None:
+def standby_in(stand: Stand, degrees: float, idle: Idle) -> Standby | None:
     """Return how a hot end cools by up to some degrees in a stand; None: it stays hot.
 
     That is where less than `Idle.after_s` are left before it has to be heated again.
@@ -82,5 +82,5 @@ def cooling_of(stand: Stand, degrees: float, idle: Idle) -> Cooling | None:
     if degrees <= 0.0 or cool_s < idle.after_s:
         return None
     if cool_s > SAFE * (stand.seconds - stand.behind_s):
-        return Cooling(stand.behind_s - heat_s, heat_s, behind=True)
-    return Cooling(cool_s, heat_s, behind=False)
+        return Standby(stand.behind_s - heat_s, heat_s, behind=True)
+    return Standby(cool_s, heat_s, behind=False)

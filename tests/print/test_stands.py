@@ -7,7 +7,7 @@ import pytest
 
 from decmcts.print.idle import Idle
 from decmcts.print.plan import ActionKind, HeadActions
-from decmcts.print.stands import SAFE, Stand, cooling_of, primed_before, stands_of
+from decmcts.print.stands import SAFE, Stand, primed_before, standby_in, stands_of
 
 PRINT, TRAVEL, WAIT = ActionKind.PRINT, ActionKind.TRAVEL, ActionKind.WAIT
 USUAL = Idle()
@@ -58,32 +58,32 @@ def test_the_sources_own_lines_part_beads(epoch: list[int]) -> None:
 
 def test_it_is_heated_before_what_it_waits_for_comes() -> None:
     """A tenth of the wait is left when it is hot."""
-    cooling = cooling_of(Stand(0, 100.0, 0.0), 40.0, USUAL)
-    assert cooling is not None and not cooling.behind
-    assert cooling.cool_s + cooling.heat_s == pytest.approx(SAFE * 100.0)
-    assert cooling.heat_s == pytest.approx(20.0)
+    rests = standby_in(Stand(0, 100.0, 0.0), 40.0, USUAL)
+    assert rests is not None and not rests.behind
+    assert rests.cool_s + rests.heat_s == pytest.approx(SAFE * 100.0)
+    assert rests.heat_s == pytest.approx(20.0)
 
 
 def test_in_a_rest_of_known_length_it_is_heated_at_its_end() -> None:
     """It dwells for the rest and no longer."""
-    cooling = cooling_of(Stand(0, 100.0, 80.0), 40.0, USUAL)
-    assert cooling is not None and cooling.behind
-    assert cooling.cool_s + cooling.heat_s == pytest.approx(80.0)
+    rests = standby_in(Stand(0, 100.0, 80.0), 40.0, USUAL)
+    assert rests is not None and rests.behind
+    assert rests.cool_s + rests.heat_s == pytest.approx(80.0)
 
 
 @pytest.mark.parametrize("behind_s", np.linspace(0.0, 100.0, 41).tolist())
 def test_nobody_waits_longer_than_planned(behind_s: float) -> None:
     """Whatever part of a stand is known: not before the signal, and not behind it."""
-    cooling = cooling_of(Stand(0, 100.0, behind_s), 40.0, USUAL)
-    assert cooling is not None and cooling.cool_s > 0.0
-    if cooling.behind:
-        assert cooling.cool_s + cooling.heat_s <= behind_s + 1e-9
+    rests = standby_in(Stand(0, 100.0, behind_s), 40.0, USUAL)
+    assert rests is not None and rests.cool_s > 0.0
+    if rests.behind:
+        assert rests.cool_s + rests.heat_s <= behind_s + 1e-9
     else:
-        assert cooling.cool_s <= 100.0 - behind_s
-        assert cooling.cool_s + cooling.heat_s <= 100.0
+        assert rests.cool_s <= 100.0 - behind_s
+        assert rests.cool_s + rests.heat_s <= 100.0
 
 
 @pytest.mark.parametrize(("seconds", "degrees"), [(30.0, 40.0), (100.0, 0.0), (100.0, -20.0)])
 def test_short_waits_and_higher_temperatures_cool_nothing(seconds: float, degrees: float) -> None:
     """Less than 10 s would be left at standby; and standby is never hotter than the print."""
-    assert cooling_of(Stand(0, seconds, 0.0), degrees, USUAL) is None
+    assert standby_in(Stand(0, seconds, 0.0), degrees, USUAL) is None

@@ -8,7 +8,7 @@ import numpy as np
 
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.planning.problem.planned import Planned
-from decmcts.print.metrics import Metrics
+from decmcts.print.metrics import IdleMetrics, Metrics
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.stands import primed_before, stands_of
 
@@ -26,7 +26,9 @@ def with_idling(planned: Planned) -> Planned:
     waits, seconds, pulled, primed = rows.sum(axis=0).tolist()
     if not waits and not primed:
         return planned
-    idle = {"waits": int(waits), "seconds": seconds, "pulled": int(pulled), "primed": int(primed)}
+    idle: IdleMetrics = {
+        "waits": int(waits), "waits_s": seconds, "pulled": int(pulled), "primed": int(primed)
+    }  # fmt: skip
     if planned.head_files:
         idle["cooled"] = sum(map(_cooled, planned.head_files))
     metrics: Metrics = {**planned.after.metrics, "idle": idle}

@@ -79,7 +79,7 @@ from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
-from decmcts.print.stands import Cooling, Stand, cooling_of, primed_before, stands_of
+from decmcts.print.stands import Stand, Standby, primed_before, standby_in, stands_of
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords, said
 from decmcts.print.walls import walls_for
 
@@ -383,31 +383,31 @@ class _HeadFile:
         stand, place = self.stands.get(k), (self.index, k)
         numbers, lag_s = self.points.waits.get(place, ()), self.points.lags.get(place, 0.0)
         rested_s = self.ends_s[k] - self.begins_s[k] if self.kinds[k] == _WAIT else 0.0
-        cooling = None if stand is None else self._withdraw(stand)
+        rests = None if stand is None else self._withdraw(stand)
         hot, standby = self.hot_end.degrees, self.practice.standby_c
-        if cooling is None or hot is None or standby is None:
+        if rests is None or hot is None or standby is None:
             self._wait_for(numbers, lag_s, rested_s)
             return
         heat = f"S{hot:g}"
         self.emitter.say("M400")
         self.emitter.say(f"M104 S{standby:g} {IDLE_MARK}")
-        if not cooling.behind:
-            self._dwell(cooling.cool_s, IDLE_MARK)
+        if not rests.behind:
+            self._dwell(rests.cool_s, IDLE_MARK)
             self.emitter.say(f"M104 {heat}")
             self._wait_for(numbers, lag_s, rested_s)
         else:
-            self._wait_for(numbers, cooling.cool_s)
+            self._wait_for(numbers, rests.cool_s)
             self.emitter.say(f"M104 {heat}")
-            self._dwell(cooling.heat_s)
+            self._dwell(rests.heat_s)
         self.emitter.say(f"M109 {heat}")
 
-    def _withdraw(self, stand: Stand) -> Cooling | None:
+    def _withdraw(self, stand: Stand) -> Standby | None:
         """Pull the filament back for a stand; return how the hot end cools in it."""
         self.emitter.withdraw(self.practice.retract_mm)
         hot, standby = self.hot_end.degrees, self.practice.standby_c
         if hot is None or standby is None or self.emitter.cold:
             return None
-        return cooling_of(stand, hot - standby, self.idle)
+        return standby_in(stand, hot - standby, self.idle)
 
     def _wait_for(self, numbers: Sequence[int], *seconds: float) -> None:
         """Wait for numbers, and stand still behind them."""
