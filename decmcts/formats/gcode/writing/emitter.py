@@ -276,10 +276,14 @@ class Emitter:
             self.set_e(0.0)
 
     def withdraw(self, deep: float) -> None:
-        """Pull back until `deep` mm are retracted, standing still, for who stands idle."""
-        if not (self.cold or self.settings.firmware_retraction or self.owed >= deep - 1e-6):
+        """Pull back until `deep` mm are retracted, standing still, for who stands idle.
+
+        What is still to be pushed beyond (below 0) stays so.
+        """
+        more = deep - max(self.owed, 0.0)
+        if more > ROUNDING_MM and not (self.cold or self.settings.firmware_retraction):
             self._pulled = True
-            self.owe(deep)
+            self.owe(self.owed + more)
 
     def retract_for(self, way: Sequence[Point]) -> None:
         """Retract if the travel along `way` is one that is retracted."""
