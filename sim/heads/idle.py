@@ -17,7 +17,7 @@ where it prints is compared elsewhere, bead by bead (`sim.heads.changes`).
 from __future__ import annotations
 
 import re
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -121,6 +121,52 @@ class Standby:
     degrees: tuple[float, ...]  # of the last three
 
 
+@dataclass(frozen=True, slots=True)
+class _Stills:
+    """Lines of a file, ascending, found once for all that is asked of it."""
+
+    waits: list[int]
+    signals: list[int]
+    dwells: list[int]
+    seconds: list[float]  # of each dwell
+    heats: list[int]  # commands to the hot end,
+    told: list[float | None]  # degrees that each says, where it is a plain one
+    unseen: list[int]  # commands that may heat or cool in a way of their own
+
+    @classmethod
+    def of(cls, file: HeadFile) -> _Stills:
+        found = cls(
+            [sync.line for sync in file.syncs if not sync.signal],
+            [sync.line for sync in file.syncs if sync.signal], [], [], [], [], [],
+        )  # fmt: skip
+        for line, code in file.others:
+            if match := _DWELL.match(code):
+                found.dwells.append(line)
+                found.seconds.append(int(match[1]) / 1000.0)
+            elif _HEATS.match(code):
+                match = _TOLD.match(code)
+                found.heats.append(line)
+                found.told.append(None if match is None else float(match[2]))
+            elif _UNSEEN.match(code):
+                found.unseen.append(line)
+        return found
+
+    def dwelt_s(self, above: int, below: int) -> float:
+        """Return the seconds dwelt below line `above` and above line `below`."""
+        return sum(self.seconds[bisect_right(self.dwells, above) : bisect_left(self.dwells, below)])
+
+    def told_above(self, line: int) -> float | None:
+        """Return how hot the hot end was told to be above a line; None: it is not known."""
+        k = bisect_left(self.heats, line) - 1
+        later = bisect_right(self.unseen, self.heats[k]) if k >= 0 else 0
+        unseen = later < len(self.unseen) and self.unseen[later] < line
+        return None if k < 0 or unseen else self.told[k]
+
+
+def _between(lines: Sequence[int], above: int, below: int) -> Sequence[int]:
+    return lines[bisect_right(lines, above) : bisect_left(lines, below)]
+
+
 @dataclass(slots=True)
 class Idled:
     """What is wrong where a head stands idle, and the lines that are right there."""
@@ -142,16 +188,14 @@ def check_idle(
         for line, code in file.others
         if begin < line < end and line not in taken and (code == b"M400" or _TOLD.match(code))
     ]
-    groups = list(_standbys(own))
+    groups, stills = list(_standbys(own)), _Stills.of(file)
     windows = _windows(walk, begin, end)
     free = [] if idling.stands is None else sorted(idling.stands.items())
     for group in groups:
         found.lines.update(group.lines)
-        found.words += _told_wrong(file, group, taken, idling)
+        found.words += _told_wrong(file, stills, group, idling)
         if idling.stands is None:
-            found.words += (
-                [] if _waits(file, group) else [f"line {group.lines[1]}: it cools in no wait"]
-            )
+            found.words += _waitless(stills, group)
             continue
         at = next((n for n, (k, _) in enumerate(free) if _within(group, windows[k])), None)
         if at is None:
@@ -159,9 +203,9 @@ def check_idle(
                 f"line {group.lines[1]}: it cools where the plan has it wait for no long time"
             )
         else:
-            found.words += _late(file, group, free[at][1], idling.idle)
+            found.words += _late(stills, group, free[at][1], idling.idle)
             del free[: at + 1]
-    found.words += _pushed(file, windows, idling)
+    found.words += _pushed(file, stills, windows, idling)
     return found
 
 
@@ -193,27 +237,20 @@ def _within(group: Standby, window: tuple[int, int]) -> bool:
     return window[0] < group.lines[0] and group.lines[-1] < window[1]
 
 
-def _waits(file: HeadFile, group: Standby) -> bool:
-    """Tell whether there is something a head stands for while it is at standby, or heats."""
+def _waitless(stills: _Stills, group: Standby) -> Iterator[str]:
+    """Yield a line where there is nothing that a head stands for at standby, or while it heats."""
     first, last = group.lines[1], group.lines[-1]
-    waits = any(not sync.signal and first < sync.line < last for sync in file.syncs)
-    return waits or any(
-        first < line < last and _DWELL.match(code) is not None for line, code in file.others
-    )
+    if not _between(stills.waits, first, last) and not _between(stills.dwells, first, last):
+        yield f"line {first}: it cools where it does not wait"
 
 
-def _told_wrong(file: HeadFile, group: Standby, taken: Set[int], idling: Idling) -> Iterator[str]:
+def _told_wrong(
+    file: HeadFile, stills: _Stills, group: Standby, idling: Idling
+) -> Iterator[str]:  # fmt: skip
     """Yield what is wrong with the temperatures of a standby, or moves and signals within it."""
     first, last = group.lines[0], group.lines[-1]
     cold, warm, hot = group.degrees
-    above = list[tuple[int, bytes]]()
-    for line, code in file.others:
-        if line < first and _HEATS.match(code):
-            above = [(line, code)]
-        elif line < first and above and _UNSEEN.match(code):
-            above = []
-    told = _TOLD.match(above[0][1]) if above else None
-    due = None if told is None else float(told[2])
+    due = stills.told_above(first)
     if due is None:
         yield f"line {group.lines[1]}: it cools, and how hot it was is not known"
     elif not warm == hot == due:
@@ -227,25 +264,18 @@ def _told_wrong(file: HeadFile, group: Standby, taken: Set[int], idling: Idling)
         )
     if file.motion.before[first - 1] != file.motion.before[last - 1]:
         yield f"line {first}: it moves before it is hot again in line {last}"
-    if any(sync.signal and first < sync.line < last for sync in file.syncs):
+    if _between(stills.signals, first, last):
         yield f"line {first}: others wait for it until it is hot again in line {last}"
 
 
-def _late(file: HeadFile, group: Standby, stand: Stand, idle: Idle) -> Iterator[str]:
+def _late(stills: _Stills, group: Standby, stand: Stand, idle: Idle) -> Iterator[str]:
     """Yield what makes a head stand longer than planned, or not be hot in time."""
     _, cool, heat, last = group.lines
-    waits = [sync.line for sync in file.syncs if not sync.signal and cool < sync.line < last]
+    waits = _between(stills.waits, cool, last)
     begins = min(waits, default=last)  # of what it waits for
-    dwelt = {
-        line: int(match[1]) / 1000.0
-        for line, code in file.others
-        if cool < line < last and (match := _DWELL.match(code))
-    }
-    before = sum(seconds for line, seconds in dwelt.items() if line < min(begins, heat))
-    until = before
+    before = until = stills.dwelt_s(cool, min(begins, heat))
     if waits and begins < heat:
-        until = stand.seconds - stand.behind_s
-        until += sum(seconds for line, seconds in dwelt.items() if begins < line < heat)
+        until = stand.seconds - stand.behind_s + stills.dwelt_s(begins, heat)
     takes = (group.degrees[1] - group.degrees[0]) / idle.heat_c_s
     if waits and before > stand.seconds - stand.behind_s + LATE_S:
         yield f"line {cool}: it dwells {before:.1f} s at standby, and may go on sooner by the plan"
@@ -256,15 +286,16 @@ def _late(file: HeadFile, group: Standby, stand: Stand, idle: Idle) -> Iterator[
         )
 
 
-def _pushed(file: HeadFile, windows: Sequence[tuple[int, int]], idling: Idling) -> Iterator[str]:
+def _pushed(
+    file: HeadFile, stills: _Stills, windows: Sequence[tuple[int, int]], idling: Idling
+) -> Iterator[str]:
     """Yield the stands in which filament is not pulled back as far as it has to be."""
     deep, motion = idling.practice.retract_mm, file.motion
-    stills = [sync.line for sync in file.syncs if not sync.signal]
-    stills = sorted(stills + [line for line, code in file.others if _DWELL.match(code)])
+    still = sorted(stills.waits + stills.dwells)
     for k in sorted(idling.stands or ()):
         low, high = windows[k]
-        last = bisect_left(stills, high) - 1  # others may be for what stands still above
-        at = stills[last] if last >= 0 and stills[last] > low else high
+        last = bisect_left(still, high) - 1  # others may be for what stands still above
+        at = still[last] if last >= 0 and still[last] > low else high
         owed = float(motion.extruder[max(at - 2, 0), 1])
         if owed < deep - OWED_MM:
             yield f"line {at}: it stands idle with {owed:g} mm retracted, {deep:g} are due"
