@@ -31,7 +31,7 @@ from sim.heads.file import HeadFile
 from sim.heads.walk import OWED_MM, Walk
 
 LATE_S = 0.01  # files say milliseconds, each dwell up to one more
-_TOLD = re.compile(rb"M(104|109) S(\d+\.?\d*|\.\d+)\Z", re.I)
+_TOLD = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
 _HEATS = re.compile(rb"M10[49](?![\d.])", re.I)
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 # What heats or cools in a way of its own: macros, homing and probing, changes, pauses, and more.
