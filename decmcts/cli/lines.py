@@ -11,7 +11,7 @@ from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.result import Result
 from decmcts.planning.writing.file_times import FileTimes, is_longer
-from decmcts.print.figures import clock_time
+from decmcts.print.figures import clock_time, idle_line
 from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
@@ -107,6 +107,7 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
         f"above the {proven} ({clock_time(bound)})",
         f"of the print time each head prints: {', '.join(shares)}",
         *_cut_line(after),
+        *([line] if (line := idle_line(after)) else []),
     ]
 
 

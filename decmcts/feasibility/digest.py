@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
+from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Head, Machine
 
@@ -112,7 +113,9 @@ def _as_of_old(value: Any, field: str) -> bool:
     """Tell whether a newer field says what held before there was one: such digests stay."""
     if isinstance(value, Contours):
         return field in ("of", "along") and getattr(value, field) is None
-    return isinstance(value, Head) and field == "pace" and value.pace == 1.0
+    if not isinstance(value, Head):
+        return False
+    return (field == "pace" and value.pace == 1.0) or (field == "idle" and value.idle == Idle())
 
 
 def _steps(array: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from decmcts.print.metrics import Metrics
+
+_IDLE = {"pulled": "pulled back further", "cooled": "cooled to standby", "primed": "primed"}
+
 MAKERS = {
     "emitted_travel_mm": "travel",
     "retractions": "retractions",
@@ -46,3 +54,33 @@ def change(was: float, now: float) -> str:
     ('−25.0 %', '')
     """
     return f"{100.0 * (now - was) / was:+.1f} %".replace("-", "−") if was else ""
+
+
+def idle_line(metrics: Metrics) -> str:
+    """Return where heads stand idle and what is done there; nothing where they do not.
+
+    Examples
+    --------
+    >>> idle_line({"idle": {"waits": 2, "waits_s": 88.0, "pulled": 2, "primed": 0, "cooled": 1}})
+    '2 long waits, 0:01:28 in all: pulled back further 2 times, cooled to standby 1 time'
+    """
+    idle: object = metrics.get("idle")  # of a plan that was read it may be anything
+    if not isinstance(idle, Mapping) or not _count(idle, "waits"):
+        return ""
+    told = [
+        f"{words} {_times(count, 'time')}"
+        for key, words in _IDLE.items()
+        if (count := _count(idle, key))
+    ]
+    stood = clock_time(_count(idle, "waits_s"))
+    waits = f"{_times(_count(idle, 'waits'), 'long wait')}, {stood} in all"
+    return f"{waits}: {', '.join(told) or 'heads stay hot, pulled back as for a travel'}"
+
+
+def _count(figures: Mapping[Any, Any], key: str) -> int:
+    value = figures.get(key)
+    return round(value) if isinstance(value, int | float) and math.isfinite(value) else 0
+
+
+def _times(count: int, word: str) -> str:
+    return f"{count:,} {word}{'s' * (count != 1)}"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
+from decmcts.print.idle import Practice
 from decmcts.print.machine import Fenced, MotionLimits
 
 DEFAULT_TRAVEL = 100.0  # mm/s, where the source names none
@@ -102,6 +103,8 @@ class PrintJob:
     refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause
     printed: Contours | None = None  # what stands on the bed before anything here is printed
     fenced: Fenced | None = None  # heads that stand in the way and print no more
+    practices: tuple[tuple[int, Practice], ...] = ()  # of tools, what the source does with them
+    # between two uses, where each head has one tool
 
     __repr__ = brief("name", "slicer", "contours", "barriers", "notes")
 
@@ -113,3 +116,7 @@ class PrintJob:
         known = np.nan_to_num(self.acceleration)
         known[self.contours.offsets[:-1]] = 0.0  # no segment ends at a contour's first point
         return known
+
+    def practice(self, tool: int | None) -> Practice:
+        """Return what the source does with a tool between two uses; None: a head prints nothing."""
+        return dict(self.practices).get(-1 if tool is None else tool, Practice())

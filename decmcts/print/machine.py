@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
+from decmcts.print.idle import Idle
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
@@ -89,6 +90,7 @@ class Head:
     tools: tuple[int, ...] = ()  # tool numbers (materials) it can print; empty: all
     limits: MotionLimits | None = None  # its own, whatever the source states; None: the machine's
     pace: float = 1.0  # all that it does takes so many times as long as its limits say; at least 1
+    idle: Idle = field(default_factory=Idle)  # what it does where it waits for long
 
     __repr__ = brief("name", "park", "reach_min", "reach_max", "tools")
 

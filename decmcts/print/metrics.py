@@ -27,6 +27,16 @@ class CutMetrics(TypedDict):
     weld_most_s: NotRequired[float]
 
 
+class IdleMetrics(TypedDict):
+    """Where heads of several stand idle before a bead, and what is done there."""
+
+    waits: int
+    waits_s: float
+    pulled: int  # of them, with filament pulled back further than for a travel
+    primed: int  # beads before which a head is primed, as it has laid nothing for long
+    cooled: NotRequired[int]  # waits in which a hot end is at standby; of written files
+
+
 class Metrics(TypedDict, total=False):
     """Figures for people, keyed as in plan.json (docs/plan-format.md); none is relied on.
 
@@ -83,6 +93,7 @@ class Metrics(TypedDict, total=False):
     found_by: str | None  # the head that first knew the best joint plan
     team: TeamMetrics
     cut: CutMetrics  # of a cut print
+    idle: IdleMetrics  # where heads stand idle
 
 
 def compared_order(before: Metrics) -> str:

@@ -16,7 +16,7 @@ from sim.controllers.compiled import compiled
 from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
 from sim.controllers.timing import Error
 
-_DWELL, _WAIT, _SIGNAL, _PASS = (int(kind) for kind in list(StopKind)[:4])
+_DWELL, _WAIT, _SIGNAL, _PASS, _REST, _TELL, _HEAT = map(int, StopKind)
 NEVER = np.inf
 
 
@@ -62,7 +62,13 @@ def carry_out(
     giver = np.full(len(given), -1)
     done = np.zeros(len(programs), np.int64)
     ends = np.full(len(programs), NEVER)
-    _run(first, kind, number, value, work, rest_s, reached, left, by, given, giver, done, ends)
+    hot_ends = np.array(
+        [(p.hot_end.warm_c, p.hot_end.heat_c_s, p.hot_end.cool_c_s) for p in programs], np.float64
+    ).reshape(-1, 3)
+    _run(
+        first, kind, number, value, work, rest_s, hot_ends, reached, left, by, given, giver, done,
+        ends,
+    )  # fmt: skip
     heads = tuple(
         _head_run(program, late[h], slice(int(first[h]), int(first[h + 1])), reached, left, by,
                   float(ends[h]))
@@ -94,10 +100,15 @@ def _head_run(
 @compiled
 def _run(
     first: Ints, kind: Ints, number: Ints, value: Floats, work: Floats, rest_s: float,
-    reached: Floats, left: Floats, by: Ints, given: Floats, giver: Ints, done: Ints, ends: Floats,
+    hot_ends: Floats, reached: Floats, left: Floats, by: Ints, given: Floats, giver: Ints,
+    done: Ints, ends: Floats,
 ) -> None:  # fmt: skip
-    """Carry all heads as far as they go, in place; `done` counts the stops each has passed."""
+    """Carry all heads as far as they go, in place; `done` counts the stops each has passed.
+
+    `hot_ends` has of each head how warm it is, and by how much it warms and cools a second.
+    """
     heads = len(done)
+    warm, due, since = hot_ends[:, 0].copy(), hot_ends[:, 0].copy(), np.zeros(heads)
     clock, stopped = np.zeros(heads), np.zeros(heads, np.bool_)
     moved = True
     while moved:
@@ -117,6 +128,17 @@ def _run(
                     stopped[h] = True
                 elif kind[j] == _DWELL:
                     now += value[j]
+                elif kind[j] == _TELL or kind[j] == _HEAT:
+                    gap, passed = due[h] - warm[h], now - since[h]
+                    if gap > 0.0:
+                        warm[h] += min(gap, passed * hot_ends[h, 1])
+                    else:
+                        warm[h] -= min(-gap, passed * hot_ends[h, 2])
+                    due[h] = value[j]
+                    if kind[j] == _HEAT and value[j] > warm[h]:
+                        now += (value[j] - warm[h]) / hot_ends[h, 1]
+                        warm[h] = value[j]
+                    since[h] = now
                 elif kind[j] == _SIGNAL or kind[j] == _PASS:
                     given[number[j]], giver[number[j]] = now, h
                     stopped[h] = stopped[h] or kind[j] == _SIGNAL

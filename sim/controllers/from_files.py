@@ -18,8 +18,8 @@ from decmcts.formats.gcode.controller.duration import dwell_seconds, file_progra
 from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
-from sim.controllers.heating import Heaters
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops, stops_of
+from sim.controllers.heating import AMBIENT_C, Heaters, hot_end_told
+from sim.controllers.program import Floats, HeadProgram, HotEnd, Ints, StopKind, Stops, stops_of
 from sim.heads.file import HeadFile, read_head_file
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
@@ -76,13 +76,15 @@ def _program(file: HeadFile, machine: Machine, index: dict[int, int]) -> HeadPro
     stated = stated_limits(file.lines.text)
     rows = state_limits(file.track.table, limits.under(stated), stated)
     moves, line = file_program(file.lines, file.motion, file.track, rows)
-    stops, begins, ends = _stops(file, line, index)
+    stops, begins, ends, warm_c = _stops(file, line, index)
+    rates = [head.idle.heat_c_s for head in machine.heads if head.name == file.name]
+    hot_end = HotEnd(warm_c, *rates[:1])
     feed = _in_force(moves.feed) * rows[moves.row, FACTOR]
     program = HeadProgram(
         file.name or Path(file.path).name, moves.points, moves.filament, feed,
         moves.row.astype(np.int64), tuple(limits_of(row) for row in rows), moves.rest,
         np.zeros(len(feed), np.int64), line.astype(np.int64), stops, begins, ends,
-        first_layer_of(file.lines.text),
+        first_layer_of(file.lines.text), hot_end,
     )  # fmt: skip
     return replace(program, action=np.cumsum(program.rests))
 
@@ -106,11 +108,15 @@ def _limits_for(file: HeadFile, machine: Machine) -> MotionLimits:
     return machine.limits
 
 
-def _stops(file: HeadFile, line: Ints, index: dict[int, int]) -> tuple[Stops, int, int | None]:
+def _stops(
+    file: HeadFile, line: Ints, index: dict[int, int]
+) -> tuple[Stops, int, int | None, float]:
     """Return what stands between moves, and how many stops are above the print and above its end.
 
-    `line` has the line of each move, from 1.
+    Last how hot the hot end is behind the start code, degrees. `line` has the line of each move,
+    from 1. In a file of one head of several the hot end is followed through the print.
     """
+    set_up = next((sync.line for sync in file.syncs if sync.signal), len(file.lines) + 1)
     found = list[tuple[int, int, int, float]]()  # line, kind, number, seconds
     for sync in file.syncs:
         kind = (
@@ -121,6 +127,9 @@ def _stops(file: HeadFile, line: Ints, index: dict[int, int]) -> tuple[Stops, in
     for row, code in file.others:
         if _DWELLS.match(code):
             found.append((row, StopKind.DWELL, -1, dwell_seconds(file.lines, row - 1)))
+        elif row > set_up and (told := hot_end_told(code)) is not None:
+            kind = StopKind.HEAT if told[0] else StopKind.TELL
+            found.append((row, kind, -1, told[1]))
         elif (seconds := heaters.take(code)) > 0.0:
             found.append((row, StopKind.DWELL, -1, seconds))
         elif _RESTS.match(code):
@@ -128,7 +137,7 @@ def _stops(file: HeadFile, line: Ints, index: dict[int, int]) -> tuple[Stops, in
     found.sort(key=lambda stop: stop[0])
     before = np.searchsorted(line, [stop[0] for stop in found]).tolist()
     stops = stops_of([(n, *stop[1:]) for n, stop in zip(before, found, strict=True)])
-    return stops, *_print_of(stops)
+    return stops, *_print_of(stops), heaters.warm.get(b"hot end", AMBIENT_C)
 
 
 def _print_of(stops: Stops) -> tuple[int, int | None]:

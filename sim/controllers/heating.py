@@ -1,8 +1,8 @@
 """How long commands wait for a temperature.
 
 Heaters are taken to warm evenly, and to cool evenly too: as 40 W hot ends and mains or 24 V beds of
-common printers do on the way to printing temperatures. What a print waits for is said apart from
-its makespan, since no file states it.
+common printers do on the way to printing temperatures. What start code waits for is said apart
+from the makespan, since no file states it.
 """
 
 from __future__ import annotations
@@ -12,9 +12,19 @@ from dataclasses import dataclass, field
 
 AMBIENT_C = 25.0
 HOT_END_C_S, BED_C_S = 3.0, 0.5  # degrees a second
+COOL_C_S = 1.0  # of a hot end near 200 °C in still air
 _HEAT = re.compile(rb"M(104|109|140|190)(?![\d.])(.*)", re.I)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"T ?(\d+)", re.I)
+
+
+def hot_end_told(code: bytes) -> tuple[bool, float] | None:
+    """Return whether a command waits for a hot end, and the degrees it states; None: no such."""
+    match = _HEAT.match(code)
+    if match is None or match[1] not in (b"104", b"109"):
+        return None
+    value = _VALUE.search(match[2])
+    return None if value is None else (match[1] == b"109", float(value[1]))
 
 
 @dataclass(slots=True)

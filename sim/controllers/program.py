@@ -1,7 +1,7 @@
 """What one controller is given: moves, and what stands between them.
 
 A *stop* stands before a move. Behind most kinds the head has come to rest; only a signal in motion
-leaves the moves around it joined.
+and a temperature that nothing waits for leave the moves around them joined.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
+from decmcts.print.idle import HEAT_C_S
 from decmcts.print.machine import MotionLimits
+from sim.controllers.heating import AMBIENT_C, COOL_C_S
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,6 +32,8 @@ class StopKind(IntEnum):
     SIGNAL = 2  # gives `number`, at rest
     PASS = 3  # gives `number`, in motion
     REST = 4  # lets its queue run empty
+    TELL = 5  # tells the hot end to be at `value` °C, and goes on
+    HEAT = 6  # the same, and goes on when it is as hot
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +43,7 @@ class Stops:
     before: Ints  # (j,) number of moves above
     kind: Ints  # (j,) StopKind
     number: Ints  # (j,) of WAIT, SIGNAL and PASS: index of a signal, the same for all heads
-    value: Floats  # (j,) seconds of DWELL and WAIT
+    value: Floats  # (j,) seconds of DWELL and WAIT, °C of TELL and HEAT
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -47,7 +51,19 @@ class Stops:
     @property
     def rests(self) -> NDArray[np.bool_]:
         """Whether the head is at rest there, (j,)."""
-        return np.asarray(self.kind != StopKind.PASS)
+        return np.asarray((self.kind != StopKind.PASS) & (self.kind != StopKind.TELL))
+
+
+@dataclass(frozen=True, slots=True)
+class HotEnd:
+    """How a hot end warms and cools: evenly."""
+
+    warm_c: float = AMBIENT_C  # when the first of its stops is reached
+    heat_c_s: float = HEAT_C_S
+    cool_c_s: float = COOL_C_S
+
+
+USUAL_HOT_END = HotEnd()
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +83,7 @@ class HeadProgram:
     begins: int = 0  # stops above which the print has not begun: start code
     ends: int | None = None  # stops above which it has: below is end code; None: there is none
     first_layer: int = 0  # line of the file that names the first layer; 0: none does
+    hot_end: HotEnd = USUAL_HOT_END  # which TELL and HEAT are for
 
     __repr__ = brief("name", "points", "stops.kind")
 

@@ -21,7 +21,9 @@ from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import no_comment_no_move
 
 _ROW = re.compile(rb"[^\n]++")
-_OWN_WAIT = re.compile(rb"\s*+G4 P\d++ ; decmcts waits for cooling\s*+\Z")  # plans make them anew
+_OWN_WAIT = re.compile(
+    rb"\s*+G4 P\d++ ; decmcts (?:waits for cooling|stands idle)\s*+\Z"
+)  # plans make them anew
 _BRACKETS = re.compile(rb"\([^()\n]*+\)")
 _NUMBER = re.compile(rb"[Nn] ?\d++(?:\.\d*+)?")
 _CHECKSUM = re.compile(rb"\*\s*+\d++\s*+\Z")

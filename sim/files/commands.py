@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
+from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
 from decmcts.formats.gcode.document import Block
 from decmcts.formats.gcode.text.lines import command_of
 from sim.faults import LIMIT, Fault, FaultKind, listed
@@ -33,6 +33,7 @@ _ARC += _AT % b"I" + _AT % b"J" + _AT % b"E"  # none but beads are turned
 _MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
 _PLAIN = re.compile(rb";|" + _MOVE.pattern)
 _RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?" + _NUMBER + rb"\Z")
+_OWN_DWELLS = tuple(mark.encode() for mark in DWELL_MARKS)
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 _NAME = re.compile(rb"[GM]\d+(?:\.\d+)?(?![\w.])|[A-Z_]++(?=\s|\Z)")
 _SETS_STATE = frozenset(
@@ -188,7 +189,7 @@ def accepted(row: bytes, known: frozenset[bytes]) -> bool:
     code = command_of(row)
     if not code or _MOVE.match(code) or _RETRACTION.match(code):
         return True
-    if (dwell := _DWELL.match(code)) and row.rstrip().endswith(WAIT_MARK.encode()):
+    if (dwell := _DWELL.match(code)) and row.rstrip().endswith(_OWN_DWELLS):
         return int(dwell[1]) <= 1000.0 * LONGEST_DWELL_S
     return sets_state(code) and code in known
 

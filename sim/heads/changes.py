@@ -10,9 +10,10 @@ printed, and what else the lines of a change command. A change may be left out w
 - the tool that comes is left with at most `MOST_MM` of filament pushed, or pulled, in all.
 
 Lines of temperatures alone may be left out likewise. The filament of changes is the ledger's
-(`sim.heads.ledger`). What the source pushes beyond what it has pulled, alike at each change to a
-tool, primes it: that is due where the tool's head has laid nothing for long (`idle_before`). How
-hot a head is where it prints is looked at in its file.
+(`sim.heads.ledger`). What the source does with a tool at them is its practice, for heads that stand
+idle (`sim.heads.idle`): how far it is pulled back at least, how hot it is left at most, and what is
+pushed beyond what was pulled, alike at each change to it. How hot a head is where it prints is
+looked at in its file.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
-from decmcts.formats.gcode.document import IDLE_S, OwnStart
+from decmcts.formats.gcode.document import OwnStart
+from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
-from decmcts.print.plan import ActionKind, HeadActions
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.command_book import command_in, commands_of
 from sim.files.commands import sets_state
@@ -46,6 +47,7 @@ _NAMED = re.compile(rb"(?:(?<=\d)| )T ?(\d+)", re.I)
 
 MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
+UNLOADS_MM = 20.0  # more is no retraction: the filament is out of the hot end
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
 Floats = NDArray[np.float64]
 
@@ -99,12 +101,12 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
     if not any(block.begin.tool != block.end.tool for block in gone):
         return None
     kept = [block for block, leaves in zip(document.blocks, goes, strict=True) if not leaves]
-    return _unwalled(job, document, gone, kept, since)
+    return _unwalled(job, document, gone, kept, since, tools)
 
 
 def _unwalled(
     job: PrintJob, document: GcodeDocument, gone: list[Block], kept: list[Block],
-    since: Mapping[int, float],
+    since: Mapping[int, float], tools: Mapping[int, _Tool],
 ) -> Unwalled:  # fmt: skip
     """Return a source without some blocks; `since` has the net of each contour's tool, mm."""
     was = job.contours.epoch
@@ -121,14 +123,23 @@ def _unwalled(
     for c in behind:
         more = primes.get(int(job.contours.tool[c]), 0.0) if c in taken and c in since else 0.0
         owed[c] = more - since.get(c, 0.0)
+    apart = heat_due(document, job).one_hot_end
+    standbys = {} if apart else _standbys(gone, tools)
+    deep = _pulled_back(document.moves, job.contours.tool, taken & since.keys())
+    practices = {
+        tool: Practice(
+            round(deep.get(tool, 0.0), 5), round(primes.get(tool, 0.0), 5), standbys.get(tool)
+        )
+        for tool in sorted({*primes, *deep, *standbys})
+    }
     return Unwalled(
         replace(
             job, contours=replace(job.contours, epoch=epoch),
-            refills=tuple(sorted(now[e] for e in refills)),
+            refills=tuple(sorted(now[e] for e in refills)), practices=tuple(practices.items()),
         ),
         replace(
             document, blocks=tuple(replace(block, epoch=now[block.epoch]) for block in kept),
-            own_starts=starts, owed=owed, primes=tuple(sorted(primes.items())),
+            own_starts=starts, owed=owed,
         ),
     )  # fmt: skip
 
@@ -228,15 +239,43 @@ def _primes_of(job: PrintJob, since: Mapping[int, float], taken: set[int]) -> di
     }
 
 
-def idle_before(actions: HeadActions) -> frozenset[int]:
-    """Return the contours before which a head has laid nothing for `IDLE_S`, by its plan's times.
+def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, float]:
+    """Return how hot each tool is left at most where it is put down, degrees."""
+    found = dict[int, float]()
+    for block in filter(_changes, gone):
+        tool = block.begin.tool
+        rows = tools[tool].told if tool in tools else []
+        first, last = (
+            bisect_left(rows, (line, -1.0)) for line in (block.line, block.last_line + 1)
+        )
+        if first < last and 0.0 < (left := rows[last - 1][1]) < np.inf:
+            found[tool] = max(found.get(tool, 0.0), left)
+    return found
 
-    Before its first one it has laid nothing since the heads begin.
-    """
-    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    ends = np.concatenate([[0.0], actions.end_s[rows[:-1]]]) if len(rows) else np.empty(0)
-    idle = np.asarray(actions.begin_s)[rows] - ends >= IDLE_S
-    return frozenset(actions.contour[rows[idle]].tolist())
+
+def _pulled_back(
+    moves: Motions | None, tool: NDArray[np.integer[Any]], taken: set[int]
+) -> dict[int, float]:
+    """Return how far each tool is pulled back at least, mm, before the contours `taken`."""
+    if moves is None:
+        return {}
+    number, held = tool.tolist(), dict[int, float]()
+    lowest, found = dict[int, float](), dict[int, list[float]]()
+    at = -1
+    for used, contour, filament in zip(
+        np.asarray(moves.tool).tolist(), np.asarray(moves.contour).tolist(),
+        np.asarray(moves.extrusion).tolist(), strict=True,
+    ):  # fmt: skip
+        if contour < 0:
+            held[used] = held.get(used, 0.0) + filament
+            lowest[used] = min(lowest.get(used, 0.0), held[used])
+            continue
+        own = number[contour]
+        if contour != at and contour in taken:
+            found.setdefault(own, []).append(-lowest.get(own, 0.0))
+        held[own], lowest[own], at = 0.0, 0.0, contour
+    least = {used: min(each) for used, each in found.items()}
+    return {used: deep for used, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
 
 
 def nets_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, float]:

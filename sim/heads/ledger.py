@@ -18,7 +18,7 @@ How much is retracted is counted here, from the moves of the files and of the so
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,8 +61,10 @@ class Printed:
     beads: Sequence[Bead]  # in its order
     blocks: Sequence[Sequence[int]]  # lines (from 1) of each block, none where it has no command
     end: int  # its first move of the end code
-    idle: Container[int] | None = frozenset()  # contours before which it has stood idle for long;
-    # None: no plan says
+    prime_mm: float = 0.0  # pushed beyond where it has laid nothing for long
+    primed: Container[int] | None = frozenset()  # before these contours; None: no plan says
+    deep_mm: float = 0.0  # may be retracted where it stands idle
+    pulled: Container[int] | None = frozenset()  # before these contours; None: no plan says
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,25 +136,26 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
     shared = len(np.unique(job.contours.tool)) > 1
     starts = {}
     if document.own_starts:
-        starts = _without_changes(source, number, document, owed, net, book)
+        primes = {tool: practice.prime_mm for tool, practice in job.practices}
+        starts = _without_changes(source, number, document, owed, net, book, primes)
     net, given = _of_pieces(job.contours, begins, net, given)
     return Dues(net, given, above, left, start, document.start.tool, usual, beside, shared, starts)
 
 
 def _without_changes(
     source: Motions, number: Ints, document: GcodeDocument, owed: dict[int, Floats], net: Floats,
-    book: Book,
+    book: Book, primes: Mapping[int, float],
 ) -> dict[int, float]:  # fmt: skip
     """Put into `net` what belongs to contours behind changes that are left out.
 
-    `number` is the tool of each contour. Returns what the source pushes behind the first change to
-    each tool, beyond what is retracted.
+    `number` is the tool of each contour, `primes` what primes each tool. Returns what the source
+    pushes behind the first change to each tool, beyond what is retracted.
     """
     since = nets_of_tools(source, number)
     free = [c for k, c in enumerate(book.contour.tolist()) if book.lines[k] < 0]
     for c in free:
         changed = c > 0 and number[c] != number[c - 1] and c in since
-        net[c] = since.get(c, 0.0) - (document.prime(int(number[c])) if changed else 0.0)
+        net[c] = since.get(c, 0.0) - (primes.get(int(number[c]), 0.0) if changed else 0.0)
     starts, line = dict[int, float](), np.asarray(source.line)
     tools, given = tools_of(source), np.asarray(source.extrusion)
     for own in document.own_starts:
@@ -254,7 +257,9 @@ class _Account:
         due = self.retracted + float(dues.net[bead.contour])
         if self.at > bead.begin:  # lines in another order, which is a fault of its own
             self.at = bead.begin
-        net = self._stretch(bead.begin, f"bead of contour {bead.contour}")
+        pulled = self.head.pulled is None or bead.contour in self.head.pulled
+        deep = self.head.deep_mm if pulled else 0.0
+        net = self._stretch(bead.begin, f"bead of contour {bead.contour}", deep)
         due += self._prime(bead, net - due)
         if abs(net - due) > NET_MM:
             self.texts.append(
@@ -267,10 +272,10 @@ class _Account:
 
     def _prime(self, bead: Bead, more: float) -> float:
         """Return what is due to prime a head that has stood idle, mm; `more` is pushed beyond."""
-        prime = 0.0 if self.changed else self.document.prime(self.head.tool)
-        if self.head.idle is None:  # files tell no times
+        prime = 0.0 if self.changed else self.head.prime_mm
+        if self.head.primed is None:  # files tell no times
             return prime if abs(more - prime) <= NET_MM else 0.0
-        return prime if bead.contour in self.head.idle else 0.0
+        return prime if bead.contour in self.head.primed else 0.0
 
     def _cross(self, number: int, block: Block, lines: Sequence[int], mine: bool) -> None:
         """Check the stretch above a block's lines, and take over what they do."""
@@ -306,11 +311,14 @@ class _Account:
         if not belongs_to_bead(block) and runs and self._mine(block.end.tool):
             self.retracted += float(self.dues.left[number])
 
-    def _stretch(self, end: int, what: str) -> float:
-        """Return the net of the moves up to `end`; notes where they retract too much."""
+    def _stretch(self, end: int, what: str, deep_mm: float = 0.0) -> float:
+        """Return the net of the moves up to `end`; notes where they retract too much.
+
+        As much as `deep_mm` may be retracted there.
+        """
         begun = self.total[self.at]
         least = min(self.total[self.at : end + 1]) - begun
-        most = max(self.most, self.dues.usual.get(self.head.tool, 0.0))
+        most = max(self.most, self.dues.usual.get(self.head.tool, 0.0), deep_mm)
         if least < -MORE_MM and (deep := max(self.retracted, 0.0) - least) > most + MORE_MM:
             self.texts.append(
                 f"above line {self._line(end)}, before the {what}, tool {self.head.tool} has "

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
+from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
@@ -27,9 +28,10 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.written import moves_of, source_text
-from sim.heads.changes import check_hot_ends, idle_before
+from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
+from sim.heads.idle import Idled, Idling, check_idle
 from sim.heads.intervals import check_intervals
 from sim.heads.laid import SAME_MM
 from sim.heads.ledger import Bead, Printed, behind, belongs_to_bead, check_filament, dues_of
@@ -51,6 +53,7 @@ def verify_heads(
     release: Release = "action",
     interval_s: float = 0.0,
     words: SyncWords = USUAL_WORDS,
+    idles: Sequence[Idle] | None = None,
     read: bool = False,
     told: Callable[[str], None] = lambda step: None,
 ) -> Verdict:
@@ -68,6 +71,8 @@ def verify_heads(
         The least time between two signals of a head, where they signal in motion.
     words : SyncWords
         The lines with which the machine's files signal and wait.
+    idles : sequence of Idle | None
+        What each head does where it stands idle; None: as the source.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
     told : function
@@ -85,7 +90,8 @@ def verify_heads(
     walked = []
     for h, (file, park) in enumerate(zip(files, parks, strict=True)):
         told(f"walking the file of head {plan.heads[h].head} along the plan")
-        walked.append(walk_file(file, h, plan, job, document, park))
+        idle = Idle() if idles is None else idles[h]
+        walked.append(walk_file(file, h, plan, job, document, park, idle, read=read))
     told(ORDERED)
     return judge_together(
         walked, plan, job, document, release=release, interval_s=interval_s, words=words, read=read
@@ -103,6 +109,7 @@ class Walked:
     part: Parts
     walk: Walk
     faults: list[Fault]
+    idling: Idling
 
 
 def unreadable(error: InputError) -> Verdict:
@@ -111,13 +118,24 @@ def unreadable(error: InputError) -> Verdict:
 
 
 def walk_file(
-    file: HeadFile, head: int, plan: JointPlan, job: PrintJob, document: GcodeDocument, park: Point
-) -> Walked:
+    file: HeadFile, head: int, plan: JointPlan, job: PrintJob, document: GcodeDocument, park: Point,
+    idle: Idle, *, read: bool = False,
+) -> Walked:  # fmt: skip
     """Check all that one head's file has by itself; the order between files is checked later."""
     actions, waited = plan.heads[head], last_points(plan, head)
     due, arcs = heat_due(document, job), turns_of_print(job, document)
-    part, walk, faults = _judge_one(file, actions, job, document, park, waited, due)
-    return Walked(file, part, walk, faults + _check_arcs(file, part, actions, arcs))
+    tool = _tool_of(actions, job)
+    idling = Idling.of(idle, actions, head, job, tool, timed=not read)
+    part, walk, faults = _judge_one(
+        file, actions, job, document, park, waited, due, tool, idling
+    )  # fmt: skip
+    return Walked(file, part, walk, faults + _check_arcs(file, part, actions, arcs), idling)
+
+
+def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:
+    """Return the tool that a head prints with first; None: it prints nothing."""
+    tools = np.unique(job.contours.tool[actions.contour[actions.kind == ActionKind.PRINT]])
+    return int(tools[0]) if len(tools) else None
 
 
 def judge_together(
@@ -132,7 +150,7 @@ def judge_together(
     faults = [fault for each in walked for fault in each.faults]
     complete = all(walk.complete for walk in walks)
     if complete:
-        faults += _check_filament(files, parts, walks, plan, job, document, timed=not read)
+        faults += _check_filament(walked, plan, job, document)
     if (source := source_text(document)) is not None:
         faults += check_heads_book([file.lines.text for file in files], source)
         if document.own_starts and complete:
@@ -149,22 +167,25 @@ def judge_together(
 
 
 def _check_filament(
-    files: Sequence[HeadFile], parts: Sequence[Parts], walks: Sequence[Walk], plan: JointPlan,
-    job: PrintJob, document: GcodeDocument, *, timed: bool,
-) -> list[Fault]:  # fmt: skip
+    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument
+) -> list[Fault]:
     """Check what all files give against what the source gives, by tool and between beads."""
     source = document.moves if document.moves is not None else moves_of(document)
     if source is None or not len(job.contours):
         return []
     heads = []
-    for file, part, walk, actions in zip(files, parts, walks, plan.heads, strict=True):
-        if walk.laid:
-            tool = int(job.contours.tool[walk.laid[0][0]])
-            beads = [Bead(*laid) for laid in walk.laid]
-            idle = idle_before(actions) if timed else None
+    for each, actions in zip(walked, plan.heads, strict=True):
+        part, laid, idling = each.part, each.walk.laid, each.idling
+        if laid:
+            tool = int(job.contours.tool[laid[0][0]])
+            beads, practice = [Bead(*bead) for bead in laid], idling.practice
             heads.append(
-                Printed(actions.head, file, tool, part.begin, beads, part.blocks, part.end, idle)
-            )
+                Printed(
+                    actions.head, each.file, tool, part.begin, beads, part.blocks, part.end,
+                    practice.prime_mm, idling.primed, practice.retract_mm,
+                    idling.pulled_before(actions),
+                )
+            )  # fmt: skip
     return check_filament(heads, dues_of(source, job, document), job, document)
 
 
@@ -196,14 +217,12 @@ def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
 
 def _judge_one(
     file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
-    waited: Mapping[int, int], due: Due,
+    waited: Mapping[int, int], due: Due, tool: int | None, idling: Idling,
 ) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
     """Check one file against its head's actions; the order between files is checked later.
 
     `waited` has for each action the last of its points that another head waits for.
     """
-    tools = np.unique(job.contours.tool[actions.contour[actions.kind == ActionKind.PRINT]]).tolist()
-    tool = int(tools[0]) if tools else None
     words: list[str] = []
     own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
     more = document.own_start(tool)
@@ -249,17 +268,25 @@ def _judge_one(
     taken = {line for found in blocks for line in found}
     if others and taken:
         words += _check_left(file, max(taken), end_code)
-    walk = Walker(file, actions, job, document, part.begin, part.end, taken, waited).run()
+    walk = Walker(
+        file, actions, job, document, part.begin, part.end, taken, waited, idling.practice
+    ).run()
     words += walk.faults
     words += _check_blocks(file, actions, job, document, blocks, walk)
-    if walk.complete and tools:
+    idled = Idled()
+    if walk.complete:
+        idled = check_idle(file, walk, parked, end_code, taken, idling)
+        words += idled.words
+    if walk.complete and tool is not None:
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
         own = {line for line, _ in file.rest[:low]} | taken
         words += unheated(file.rest, file.others, walk.first[int(prints[0])], due, own)
     known = known_settings(document)
     last = end_code if high < len(file.rest) else beyond
     for line, code in file.others:
-        if not (low < len(file.rest) and file.rest[low][0] <= line < last) or line in taken:
+        if not (low < len(file.rest) and file.rest[low][0] <= line < last):
+            continue
+        if line in taken or line in idled.lines:
             continue
         if not (is_move(code) or accepted(file.row(line), known)):
             words.append(f"line {line}: '{_text(code)}' is not in the source at this place")

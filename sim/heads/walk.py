@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
+from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.content.seams import Moved, Run, run_of
@@ -75,9 +76,12 @@ class Walker:
 
     def __init__(
         self, file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument,
-        begin: int, end: int, blocks: set[int], waited: Mapping[int, int],
+        begin: int, end: int, blocks: set[int], waited: Mapping[int, int], practice: Practice,
     ) -> None:  # fmt: skip
-        """Take for each action the last of its points that another head waits for (`waited`)."""
+        """Take for each action the last of its points that another head waits for (`waited`).
+
+        `practice` is what the head does where it stands idle.
+        """
         self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
@@ -105,10 +109,11 @@ class Walker:
             *(settings.retract_mm for settings in job.settings.each()),
             float(document.owed.max(initial=0.0)),
             *(c.owed for c in starts),
+            practice.retract_mm,
         ) + max(self._left.values())
         beyond = max(c.owed - c.pulled for c in starts)
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
-        self._surplus += max((prime for _, prime in document.primes), default=0.0)
+        self._surplus += practice.prime_mm
         self._feeds = (job.settings.travel_feed or 100.0, job.settings.z_feed or 0.0)
         self._travels = cache(self._is_travel_feed)
 

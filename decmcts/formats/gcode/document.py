@@ -17,7 +17,6 @@ UNSET = 0  # value id of a slot that was never set
 BEFORE_TRAVEL = ("layer", "mesh", "object", "label")  # a travel belongs to what it leads to
 BEAD = ("type", "width", "height")
 DESCRIBES = ("layer", "mesh", *BEAD, "message", "print stats")  # words that command nothing
-IDLE_S = 10.0  # a head that has laid nothing for so long is primed as behind a change of tools
 SILENT = ("tool", "temperature")  # slots that only blocks set: compared, never re-emitted
 
 
@@ -173,14 +172,8 @@ class GcodeDocument:
     text: bytes | None = None  # that was read in place of the file's own; None: none was
     own_starts: tuple[OwnStart, ...] = ()  # where changes of tools are no walls, of each tool but
     # the first
-    primes: tuple[tuple[int, float], ...] = ()  # tool, and filament that the source pushes beyond
-    # what it pulled at each change to it, mm: where it pushes as much at all of them
 
     __repr__ = brief("path", "blocks", "states")
-
-    def prime(self, tool: int | None) -> float:
-        """Return what a tool's head pushes on the spot when it has stood idle, mm."""
-        return dict(self.primes).get(tool, 0.0) if tool is not None else 0.0
 
     def own_start(self, tool: int | None) -> OwnStart | None:
         """Return what the head of a tool is told behind the start code; None: no more."""

@@ -1,4 +1,4 @@
-"""A head as nested mappings: its shape, bodies, park, reach, tools and limits.
+"""A head as nested mappings: its shape, bodies, park, reach, tools, limits and idling.
 
 A new kind of head shape gets its keys here, for machine files and plan.json at once.
 """
@@ -17,8 +17,10 @@ from decmcts.formats.heads.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.heads.clearances import TALLEST_NOZZLE_MM, clearance_head
 from decmcts.formats.heads.head_name import head_name
 from decmcts.formats.heads.head_polygon import check_polygon, covers_nozzle
+from decmcts.formats.heads.idle_dict import idle_from, idle_to_dict
 from decmcts.formats.heads.lengths import size, triple
 from decmcts.formats.heads.limits_dict import limits_from, limits_to_dict
+from decmcts.print.idle import Idle
 from decmcts.print.machine import Body, Head, MotionLimits, Slice
 
 _UNREACHED = 1e6  # the types' "no limit"
@@ -34,6 +36,7 @@ _HEAD_KEYS = (
     "tools",
     "limits",
     "pace",
+    "idle",
 )
 _SLOWEST = 100.0
 
@@ -45,6 +48,8 @@ def head_to_dict(head: Head) -> dict[str, Any]:
         own["limits"] = limits_to_dict(head.limits)
     if head.pace != 1.0:
         own["pace"] = head.pace
+    if head.idle != Idle():
+        own["idle"] = idle_to_dict(head.idle)
     return {
         "name": head.name,
         "slices": [
@@ -96,6 +101,7 @@ def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
         tools=tuple(tools),
         limits=limits_from(table, usual) if "limits" in table.values else None,
         pace=table.number("pace", 1.0, least=1.0, most=_SLOWEST),
+        idle=idle_from(table),
     )
 
 

@@ -32,6 +32,7 @@ from decmcts.planning.problem.planned import History, Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.cutting import Swept, best_sweep
+from decmcts.planning.team.idling import with_idling
 from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
@@ -108,7 +109,7 @@ def plan_team(
         chosen, after = best_of(ready, outcome, search, report)
         history = _history(outcome)
         planned = Planned(chosen.problem, whole.before, after, Verdict(()), history, seconds)
-        planned = judged(planned, beside, writes=writes, report=report)
+        planned = with_idling(judged(planned, beside, writes=writes, report=report))
     return with_bound(planned, chosen.bound, report)
 
 

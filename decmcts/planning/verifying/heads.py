@@ -15,7 +15,7 @@ from decmcts.formats.mesh import is_mesh
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.verifying.held import Held
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.pieces import epochs_of_source, parted_source
 from sim.content.same_print import is_other_print
@@ -78,12 +78,12 @@ def judge_heads(
     job, document = parted.job, parted.text(document)
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
-    parks = {head.name: head.park for head in plan.machine.heads}
-    at = [parks[actions.head] for actions in plan.plan.heads]
-    release = plan.machine.release
+    machine = plan.machine
+    heads = [machine.head(actions.head) for actions in plan.plan.heads]
     verdict = verify_heads(
-        files, plan.plan, job, document, parks=at, release=release,
-        interval_s=plan.machine.signal_interval_s, words=plan.machine.words,
+        files, plan.plan, job, document, parks=[head.park for head in heads],
+        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
+        idles=[head.idle for head in heads],
     )  # fmt: skip
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
@@ -109,10 +109,10 @@ def judge_heads_alone(
         text = f"there are files of heads {there}; machine {chosen.name} has {due}"
         text += "" if machine else " (another is named with --machine)"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
-    parks = [chosen.heads[names[file.name]].park for file in files]
+    heads = [chosen.heads[names[file.name]] for file in files]
     rules = held.over(usual_rules(chosen)) if held.any_rule else None
     judge = partial(
-        _judge_alone, paths, files, machine=chosen, parks=parks, rules=rules, seed=seed,
+        _judge_alone, paths, files, machine=chosen, heads=heads, rules=rules, seed=seed,
         trials=trials,
     )  # fmt: skip
     found = judge(source=(job, document))
@@ -133,8 +133,7 @@ def _taken_otherwise(
 
 def _judge_alone(
     paths: Sequence[Path], files: Sequence[HeadFile], *, source: tuple[PrintJob, GcodeDocument],
-    machine: Machine, parks: Sequence[tuple[float, float, float]], rules: OrderRules | None,
-    seed: int, trials: int,
+    machine: Machine, heads: Sequence[Head], rules: OrderRules | None, seed: int, trials: int,
 ) -> Verdict:  # fmt: skip
     """Verify files of heads against one reading of their source."""
     job, document = source
@@ -145,8 +144,9 @@ def _judge_alone(
     made_up = replace(plan, machine=replace(plan.machine, signal_interval_s=0.0))
     verdict = verify_plan(made_up, source=job, rules=rules, trials=trials, seed=seed)
     more = verify_heads(
-        paths, plan.plan, job, document, parks=parks, release=machine.release,
-        interval_s=machine.signal_interval_s, words=machine.words, read=True,
+        paths, plan.plan, job, document, parks=[head.park for head in heads],
+        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
+        idles=[head.idle for head in heads], read=True,
     )  # fmt: skip
     every = (*altered, *verdict.faults, *more.faults)
     checked = (*verdict.checked[:1], WITHOUT_PLAN)

@@ -19,6 +19,7 @@ from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, require_sound
+from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import JointPlan
@@ -87,6 +88,7 @@ class HeadWriter(Protocol):
         interval_s: float,
         words: SyncWords,
         points: SyncPoints,
+        idle: Idle,
     ) -> None:
         """Write to `out`."""
         ...
@@ -162,11 +164,12 @@ def _draft(
     judged: tuple[PrintJob, GcodeDocument], write: HeadWriter, report: Report,
 ) -> Walked:  # fmt: skip
     """Write the draft of one head's file, read it back and walk it along the plan."""
-    park = machine.head(plan.heads[head].head).park
+    own = machine.head(plan.heads[head].head)
     report(Step(f"writing {path.name}"))
     write(
-        document, job, plan, head, path, header_lines=header, park=park, release=machine.release,
-        interval_s=machine.signal_interval_s, words=machine.words, points=points,
+        document, job, plan, head, path, header_lines=header, park=own.park,
+        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
+        points=points, idle=own.idle,
     )  # fmt: skip
     report(Step(f"reading {path.name} back"))
     try:
@@ -175,7 +178,7 @@ def _draft(
         require_sound(unreadable(error), path)
         raise  # not reached
     report(Step(f"walking the file of head {plan.heads[head].head} along the plan"))
-    return walk_file(file, head, plan, *judged, park)
+    return walk_file(file, head, plan, *judged, own.park, own.idle)
 
 
 def judged_texts(
@@ -208,10 +211,10 @@ def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdic
     plan, altered = plan_of_files(files, given.job, machine)
     if is_other_print(altered):
         return Verdict(tuple(altered))
-    parks = {head.name: head.park for head in machine.heads}
+    heads = [machine.head(actions.head) for actions in plan.plan.heads]
     verdict = verify_heads(
-        drafts, plan.plan, given.job, given.document,
-        parks=[parks[actions.head] for actions in plan.plan.heads], release=machine.release,
-        interval_s=machine.signal_interval_s, words=machine.words, read=True,
+        drafts, plan.plan, given.job, given.document, parks=[head.park for head in heads],
+        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
+        idles=[head.idle for head in heads], read=True,
     )  # fmt: skip
     return Verdict((*altered, *verdict.faults))

@@ -5,6 +5,9 @@ Behind a wait, and behind a signal at rest, a controller has run out of moves an
 depends on the timing, so all of them cost that much. Where heads signal in motion, signals are
 `signal_interval_s` apart (`decmcts.print.signals`): waits for points too near to another become
 waits for later ones, and where a head must stand before it may signal, its action ends later.
+
+Where a head has stood idle its next bead begins later (`decmcts.team.schedule.idling`). Where that
+is depends on the times, so these are found twice.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
 from decmcts.print.signals import Signals, apart_s, places_of, signals_of
+from decmcts.team.schedule.idling import idle_seconds
 from decmcts.team.schedule.timing import ActionTimes
 
 Floats = NDArray[np.float64]
@@ -44,17 +48,25 @@ def with_stops(
     counts = np.concatenate([np.diff(head.after_offsets) for head in plan.heads])
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     after = np.concatenate([first[head.after_head] + head.after_action for head in plan.heads])
-    passing = np.concatenate([_passing(plan, head, seconds, times) for head in plan.heads])
-    taken = np.concatenate(seconds)
-    begin = times_with_stops(
-        first, offsets, after.astype(np.int64), passing, np.concatenate(stands), taken
-    )
-    return JointPlan(
-        tuple(
-            replace(head, begin_s=begin[a:b], end_s=begin[a:b] + taken[a:b])
-            for head, a, b in zip(plan.heads, first[:-1], first[1:], strict=True)
+
+    def timed(more: Sequence[Floats]) -> JointPlan:
+        longer = [own + beyond for own, beyond in zip(seconds, more, strict=True)]
+        passing = [_passing(plan, head, longer, times, more) for head in plan.heads]
+        taken = np.concatenate(longer)
+        begin = times_with_stops(
+            first, offsets, after.astype(np.int64), np.concatenate(passing),
+            np.concatenate(stands), taken,
+        )  # fmt: skip
+        return JointPlan(
+            tuple(
+                replace(head, begin_s=begin[a:b], end_s=begin[a:b] + taken[a:b])
+                for head, a, b in zip(plan.heads, first[:-1], first[1:], strict=True)
+            )
         )
-    )
+
+    found = timed([np.zeros(len(head)) for head in plan.heads])
+    more = [idle_seconds(head, h, job, machine) for h, head in enumerate(found.heads)]
+    return timed(more) if any(beyond.any() for beyond in more) else found
 
 
 def _waiting(plan: JointPlan, h: int, signals: Signals) -> HeadActions:
@@ -79,9 +91,13 @@ def _stands(plan: JointPlan, machine: Machine, signals: Signals) -> list[Floats]
 
 
 def _passing(
-    plan: JointPlan, head: HeadActions, seconds: Sequence[Floats], times: Sequence[ActionTimes]
-) -> Floats:
-    """Return the seconds from the begin of what a head waits for until it may go on, (m,)."""
+    plan: JointPlan, head: HeadActions, seconds: Sequence[Floats], times: Sequence[ActionTimes],
+    more: Sequence[Floats],
+) -> Floats:  # fmt: skip
+    """Return the seconds from the begin of what a head waits for until it may go on, (m,).
+
+    `more` of those that each action takes pass before its head moves.
+    """
     found = np.empty(len(head.after_head))
     for g, other in enumerate(plan.heads):
         mine = head.after_head == g
@@ -90,5 +106,6 @@ def _passing(
         within = point != ACTION_END
         unit = np.cumsum(other.kind != ActionKind.WAIT) - 1  # `times` has no waits
         timed[within] = times[g].until(unit[action[within]], point[within])
+        timed[within] += more[g][action[within]]
         found[mine] = timed
     return np.asarray(found + head.after_lag_s)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.print.figures import MAKERS
+from decmcts.print.figures import MAKERS, idle_line
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
@@ -75,6 +75,7 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
         "cut": cut_facts(after if told.run is None else before),
         "proof": _proof(now),
         "waits_s": float(now.get("waits_s") or 0.0),
+        "idle": idle_line(now if told.run is None else was),
         "kept_source": now.get("kept_because"),
         "made_safe": bool(was.get("made_safe")),
         "warnings": [*told.warnings, *(() if told.verdict is None else told.verdict.warnings)],

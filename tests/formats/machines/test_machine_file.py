@@ -18,6 +18,7 @@ from decmcts.formats.machines.machine_file import (
     preset_for_printer,
     preset_names,
 )
+from decmcts.print.idle import Idle, Practice
 
 GOOD = """
 name = "mine"
@@ -195,6 +196,13 @@ def test_unknown_machine_lists_the_known():
         ('name = "mine"', 'name = "mine"\nlimits = { travel_feed = 0 }', "0 would never arrive"),
         ('name = "a"', 'name = "a"\ntools = [-1]', "tool numbers"),
         ('name = "a"', 'name = "a"\npace = 0.9', "pace: 0.9 is below 1"),
+        ('name = "a"', 'name = "a"\nidle = 3', r"heads\[0\]\.idle: expected a table"),
+        ('name = "a"', 'name = "a"\nidle = { after = 3 }', r"idle\.after: unknown key"),
+        ('name = "a"', 'name = "a"\nidle = { after_s = 0 }', r"idle\.after_s: 0 is below 1"),
+        ('name = "a"', 'name = "a"\nidle = { heat_c_s = 0 }', "heat_c_s: 0 is below 0.01"),
+        ('name = "a"', 'name = "a"\nidle = { standby_c = 900 }', "standby_c: expected a finite"),
+        ('name = "a"', 'name = "a"\nidle = { retract_mm = 50 }', "retract_mm: expected a finite"),
+        ('name = "a"', 'name = "a"\nidle = { prime_mm = -1 }', "prime_mm: -1 is below 0"),
         (
             'name = "a"',
             'name = "a"\npark = [5, 5, -5]',
@@ -269,6 +277,17 @@ def test_a_head_has_a_pace_of_its_own(tmp_path):
     written = machine_to_dict(read(tmp_path, TWO.replace('name = "b"', 'name = "b"\npace = 1.2')))
     assert [head.get("pace") for head in written["heads"]] == [None, 1.2]
     assert machine_from_dict(written).heads[1].pace == 1.2
+
+
+def test_a_head_says_what_it_does_where_it_stands_idle(tmp_path):
+    """Kept in plans; what is left out is the source's, and no head says what is usual."""
+    text = TWO.replace('name = "b"', 'name = "b"\nidle = { standby_c = 150, prime_mm = 0 }')
+    plain, own = read(tmp_path, text).heads
+    assert plain.idle == Idle() and own.idle == Idle(standby_c=150.0, prime_mm=0.0)
+    assert own.idle.over(Practice(10.0, 0.3, 180.0)) == Practice(10.0, 0.0, 150.0)
+    written = machine_to_dict(read(tmp_path, text))
+    assert ["idle" in head for head in written["heads"]] == [False, True]
+    assert machine_from_dict(written).heads[1].idle == own.idle
 
 
 def test_more_heads_than_can_be_planned_are_refused():

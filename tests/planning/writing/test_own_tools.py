@@ -10,7 +10,7 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.document import IDLE_S
+from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.formats.gcode.reading.without_tower import without_tower
 from decmcts.formats.gcode.writing.own_tools import Freed, with_own_tools
 from decmcts.formats.mesh import SliceOptions
@@ -20,12 +20,16 @@ from decmcts.planning.problem.source import read_source
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.contours import Role
+from decmcts.print.idle import IDLE_S, Practice
+from sim.controllers.from_files import programs_of_files
+from sim.controllers.simulate import simulate
 from sim.experiments.made_print import made_tools_gcode
 from sim.files.tower import read_without_tower
 from sim.heads.changes import without_changes
 from tests.planning.conftest import Agents
 from tests.planning.writing.test_tools import (
     HOT,
+    STANDBY,
     Source,
     machine_file,
     one_hot_end,
@@ -191,24 +195,115 @@ def test_a_head_that_stood_idle_is_primed_as_behind_a_change(
     text = source.read_text().replace("G1 E9.00000", "G1 E9.40000").replace("F1800", "F300")
     source.write_text(text)
     result, _, files = launched(str(source), tmp_path, agents, Rules(min_layer_time_s=60.0))
-    primed = [f"G1 E{1.4:.5f} F2400", f"G1 E{0.4:.5f} F2400"]
+    primed = "G1 E9.40000 F2400"  # as far as it is pulled back, and what primes it
     for path, actions in zip(files, result.document.plan.heads, strict=False):
         rows = np.flatnonzero(actions.contour >= 0)
         waited = np.diff(actions.end_s[rows], prepend=0.0) - (
             actions.end_s[rows] - actions.begin_s[rows]
         )
-        due = int((waited >= IDLE_S).sum())
-        assert due == 1
-        assert sum(row in primed for row in Path(path).read_text().split("\n")) == due
+        assert int((waited >= IDLE_S).sum()) == 1
+        text = Path(path).read_text()
+        assert text[text.index("\nSYNC_SIGNAL") :].count(primed) == 1
     plan, machine = str(tmp_path / "plan.json"), str(tmp_path / "tools.toml")
     assert run(["verify", *files, "--plan", plan]) == 0
     assert run(["verify", *files, "--machine", machine]) == 0
     sound = Path(files[1]).read_text()
-    for less in (primed[0], "G1 E1.00000 F2400"):
-        more = {primed[0]: "G1 E1.00000 F2400"}.get(less, primed[0])
-        Path(files[1]).write_text(more.join(sound.rsplit(less, 1)))
+    for wrong in ("G1 E9.00000 F2400", "G1 E9.80000 F2400", f"{primed}\nG1 E0.40000 F2400"):
+        Path(files[1]).write_text(wrong.join(sound.rsplit(primed, 1)))
         assert Path(files[1]).read_text() != sound
         assert run(["verify", *files, "--plan", plan]) == 1
+
+
+def lines_of_standby(rows: list[str]) -> list[int]:
+    """Return the lines that cool a hot end to standby, heat it, and wait until it is hot."""
+    cools = rows.index(f"M104 S{STANDBY[1]} {IDLE_MARK}")
+    heats = rows.index(f"M104 S{HOT[1]}", cools)
+    return [cools, heats, rows.index(f"M109 S{HOT[1]}", heats)]
+
+
+def not_heated(rows: list[str]) -> None:
+    """Leave the hot end at standby."""
+    _, heats, hot = lines_of_standby(rows)
+    del rows[hot], rows[heats]
+
+
+def not_waited_for(rows: list[str]) -> None:
+    """Print before it is hot again."""
+    del rows[lines_of_standby(rows)[2]]
+
+
+def heated_less(rows: list[str]) -> None:
+    """Print as hot as the other tool."""
+    for k in lines_of_standby(rows)[1:]:
+        rows[k] = rows[k].replace(str(HOT[1]), str(HOT[0]))
+
+
+def left_colder(rows: list[str]) -> None:
+    """Cool further than the source does."""
+    rows[lines_of_standby(rows)[0]] = "M104 S120"
+
+
+def heated_late(rows: list[str]) -> None:
+    """Heat when what it waits for has come."""
+    _, heats, hot = lines_of_standby(rows)
+    rows.insert(hot - 1, rows.pop(heats))
+
+
+def cooled_in_motion(rows: list[str]) -> None:
+    """Cool while the queue still has moves."""
+    del rows[lines_of_standby(rows)[0] - 1]
+
+
+def cooled_while_printing(rows: list[str]) -> None:
+    """Cool and heat between two beads, where it does not wait."""
+    own = [rows[k] for k in lines_of_standby(rows)]
+    at = last_bead(rows) - 3
+    rows[at:at] = ["M400", own[0], own[1], own[2]]
+
+
+def stands_too_long(rows: list[str]) -> None:
+    """Dwell for an hour at standby."""
+    cools, heats, _ = lines_of_standby(rows)
+    k = next(k for k in range(cools, heats) if rows[k].startswith("G4 P"))
+    rows[k:k] = [rows[k].replace(rows[k].split()[1], "P600000")] * 6
+
+
+def pulled_less(rows: list[str]) -> None:
+    """Stand with no more pulled back than for a travel."""
+    cools = lines_of_standby(rows)[0]
+    k = max(k for k in range(cools) if rows[k].startswith("G1 E-8"))
+    del rows[k]
+    rows[k:] = [row.replace("G1 E9.0", "G1 E1.0") for row in rows[k:]]
+
+
+@pytest.mark.slow
+def test_a_head_that_stands_idle_cools_and_is_hot_again_in_time(
+    agents: Agents, tmp_path: Path
+) -> None:
+    """It is told standby and back as the source tells its tool, and the judge takes no other."""
+    source = Path(two_tools(tmp_path, relative=True))
+    source.write_text(source.read_text().replace("F1800", "F300"))
+    rules = Rules(min_layer_time_s=80.0)
+    result, _, files = launched(str(source), tmp_path, agents, rules)
+    idle = result.document.metrics["idle"]
+    plan, machine = str(tmp_path / "plan.json"), str(tmp_path / "tools.toml")
+    assert run(["verify", *files, "--plan", plan]) == 0
+    assert run(["verify", *files, "--machine", machine]) == 0
+    texts = [Path(path).read_text() for path in files[:2]]
+    cooled = [text.count(f"\nM104 S{STANDBY[k]} {IDLE_MARK}\n") for k, text in enumerate(texts)]
+    assert sum(cooled) == idle["cooled"] > 0
+    assert cooled[1]
+    programs = programs_of_files([Path(path) for path in files[:2]], result.document.machine)
+    ran_s = simulate(programs, result.document.machine).makespan_s
+    assert ran_s == pytest.approx(result.document.plan.makespan_s, rel=0.01)
+    for spoil in (
+        not_heated, not_waited_for, heated_less, left_colder, heated_late, cooled_in_motion,
+        cooled_while_printing, stands_too_long, pulled_less,
+    ):  # fmt: skip
+        spoilt(files[1], spoil)
+        assert Path(files[1]).read_text() != texts[1], spoil
+        assert run(["verify", *files, "--plan", plan]) == 1, spoil
+        Path(files[1]).write_text(texts[1])
 
 
 @pytest.mark.slow
@@ -256,6 +351,12 @@ def test_planner_and_judge_find_the_same(tmp_path: Path, made: str) -> None:
     assert freed.job.refills == judged.job.refills
     assert np.abs(freed.document.owed - judged.document.owed).max() < 1e-9
     assert freed.document.own_starts == judged.document.own_starts
+    assert freed.job.practices == judged.job.practices
+    if made in ("relative", "absolute", "no blanks"):
+        kept = [Practice(9.0, 0.0, float(standby)) for standby in STANDBY]
+        assert freed.job.practices == tuple(enumerate(kept))
+    else:
+        assert all(practice.standby_c is None for _, practice in freed.job.practices)
 
 
 TOWER = [

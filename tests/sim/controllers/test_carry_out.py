@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sim.controllers.carry_out import carry_out
 from sim.controllers.motion import profile_of
-from sim.controllers.program import StopKind
+from sim.controllers.program import HotEnd, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
 from tests.sim.controllers.programs import program
 
@@ -61,6 +63,36 @@ def test_late_moves_make_the_other_wait():
     late = Error(np.array([2.0, 1.0]), np.array([5.0, 0.0]))
     found, seconds = run(gives, waits, errors=[late, no_error(waits)])
     assert found.heads[1].begin[0] == pytest.approx(2 * seconds[0][0] + 5.0)
+
+
+def hot(stops):
+    """A program whose hot end is at 210 °C when it is first told something, after 0 moves."""
+    return replace(program(WAY, stops=stops), hot_end=HotEnd(210.0, heat_c_s=2.0, cool_c_s=1.0))
+
+
+def test_a_hot_end_that_cooled_is_waited_for():
+    """It cools by 30 °C in 30 s, is heated for 5 s while the head dwells, and lacks 20 °C."""
+    tell, heat = StopKind.TELL, StopKind.HEAT
+    late = [(0, tell, -1, 150.0), (0, StopKind.DWELL, -1, 30.0), (0, tell, -1, 210.0),
+            (0, StopKind.DWELL, -1, 5.0), (0, heat, -1, 210.0)]  # fmt: skip
+    found, _ = run(hot(late))
+    assert found.heads[0].begin[0] == pytest.approx(30.0 + 5.0 + 10.0)
+
+
+def test_a_hot_end_heated_in_time_costs_nothing():
+    """No colder than it was told to be, however long it stands; hot before the wait is over."""
+    tell, heat = StopKind.TELL, StopKind.HEAT
+    rows = [(0, tell, -1, 190.0), (0, StopKind.DWELL, -1, 300.0), (0, tell, -1, 210.0),
+            (0, StopKind.DWELL, -1, 10.0), (0, heat, -1, 210.0)]  # fmt: skip
+    found, _ = run(hot(rows))
+    assert found.heads[0].begin[0] == pytest.approx(310.0)
+
+
+def test_a_temperature_that_nothing_waits_for_stops_no_head():
+    """Moves around it stay joined, as around a signal in motion."""
+    told = hot([(1, StopKind.TELL, -1, 150.0)])
+    assert not told.rests[1]
+    assert run(told)[0].heads[0].end_s == pytest.approx(run(program(WAY))[0].heads[0].end_s)
 
 
 @pytest.mark.parametrize("timing", [Timing.UNIFORM, Timing.HEAVY_TAILS, Timing.DRIFT])

@@ -48,6 +48,8 @@ class Event:
 
 SPLIT_MARK = "; next contour"
 WAIT_MARK = "; decmcts waits for cooling"  # behind a dwell of ours, which plans make anew
+IDLE_MARK = "; decmcts stands idle"
+DWELL_MARKS = (WAIT_MARK, IDLE_MARK)
 _NOTHING = Event(Kind.NOTHING)
 _LAYER = re.compile(
     r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*+(?::\s*+)?-?\d++\s*+(,|$)|-+ LAYER "
@@ -101,7 +103,7 @@ def classify(raw: bytes) -> Event:
     text = raw.decode("utf-8", "surrogateescape").strip()
     if text[:1] == ";" or (text[:1] == "(" and not _behind_brackets(text)):
         return _comment(text)
-    if text.endswith(WAIT_MARK) and _DWELL.match(text):
+    if text.endswith(DWELL_MARKS) and _DWELL.match(text):
         return _NOTHING
     text = re.sub(r"^[Nn]\s*\d+\s*", "", text)
     code = text.split(";", 1)[0].strip()

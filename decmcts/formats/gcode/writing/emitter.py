@@ -275,6 +275,16 @@ class Emitter:
         if habits.resets_e:
             self.set_e(0.0)
 
+    def withdraw(self, deep: float) -> None:
+        """Pull back until `deep` mm are retracted, standing still, for who stands idle.
+
+        What is still to be pushed beyond (below 0) stays so.
+        """
+        more = deep - max(self.owed, 0.0)
+        if more > ROUNDING_MM and not (self.cold or self.settings.firmware_retraction):
+            self._pulled = True
+            self.owe(self.owed + more)
+
     def retract_for(self, way: Sequence[Point]) -> None:
         """Retract if the travel along `way` is one that is retracted."""
         if not self._withdrawn() and retracts(self.walls, self.settings, way):
@@ -321,9 +331,9 @@ class Emitter:
             if passed and k in passed:
                 self.say(passed[k])
 
-    def dwell(self, seconds: float) -> None:
-        """Stand still."""
-        self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {WAIT_MARK}")
+    def dwell(self, seconds: float, mark: str = WAIT_MARK) -> None:
+        """Stand still; `mark` says what for."""
+        self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {mark}")
 
     def _travel_feed(self, to: Point) -> float:
         upright = to[0] == self.at[0] and to[1] == self.at[1]

@@ -31,6 +31,17 @@ heads stop only to signal where they have not moved.
 The waiting head dwells behind its waits for as long as its lags ask, whenever the signal came:
 files keep no time among each other. It dwells too, retracted, where the plan rests for cooling.
 
+Where a head stands idle for long it is pulled back further, may cool to standby, and is heated
+again by the clock before it has to go on (`decmcts.print.stands`):
+
+    G1 E-9.2 F2400
+    M400
+    M104 S170
+    G4 P93000            ; so long by the plan, less what heating takes
+    M104 S210
+    SYNC_WAIT N=7
+    M109 S210
+
 The commands are macros the machine's host provides; a machine may have other words for them
 (`decmcts.print.sync_words`). A controller that ignores them must not run these files.
 """
@@ -45,14 +56,15 @@ from typing import BinaryIO, TextIO
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.dialects.dialect import UNKNOWN
-from decmcts.formats.gcode.document import IDLE_S, Block, Cursor, GcodeDocument
+from decmcts.formats.gcode.dialects.dialect import IDLE_MARK, UNKNOWN, WAIT_MARK
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.beads import Beads, Point
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.hot_ends import (
     Hears,
+    HotEndTold,
     early_heat,
     heats,
     refuse_cold,
@@ -63,12 +75,15 @@ from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points, refuse_words
 from decmcts.formats.gcode.writing.writer import print_contour
+from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from decmcts.print.stands import Stand, Standby, primed_before, standby_in, stands_of
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords, said
 from decmcts.print.walls import walls_for
 
+USUAL_IDLE = Idle()
 PRIMES_MM = 0.1  # of filament; less primes nothing
 LONGEST_DWELL_S = 600.0  # of one G4
 OVER_PRINTED_MM = 5.0  # above what stands on the bed already, from start code to the park position
@@ -91,6 +106,7 @@ def write_head_gcode(
     release: Release = "action",
     interval_s: float = 0.0,
     points: SyncPoints | None = None,
+    idle: Idle = USUAL_IDLE,
 ) -> None:
     """Write the file of one head of a plan.
 
@@ -107,6 +123,8 @@ def write_head_gcode(
         The least time between two signals of a head, where they signal points.
     points : SyncPoints | None
         The plan's synchronisation points (`number_sync_points`), where they are known already.
+    idle : Idle
+        What the head does where it stands idle.
 
     Raises
     ------
@@ -117,7 +135,7 @@ def write_head_gcode(
     """
     text = head_gcode_bytes(
         document, job, plan, head_index, header_lines=header_lines, words=words,
-        park=park, release=release, interval_s=interval_s, points=points,
+        park=park, release=release, interval_s=interval_s, points=points, idle=idle,
     )  # fmt: skip
     save_text(text, out)
 
@@ -134,6 +152,7 @@ def head_gcode_bytes(
     release: Release = "action",
     interval_s: float = 0.0,
     points: SyncPoints | None = None,
+    idle: Idle = USUAL_IDLE,
 ) -> bytes:
     """Return what `write_head_gcode` writes."""
     head = plan.heads[head_index]
@@ -147,7 +166,7 @@ def head_gcode_bytes(
         points = number_sync_points(plan, job, release, apart_s)
     if release == "action":
         _refuse_points(points, plan)
-    file = _HeadFile(document, job, head_index, head, tool, points, words, apart_s)
+    file = _HeadFile(document, job, head_index, head, tool, points, words, apart_s, idle)
     file.prints.update(head.contour[head.kind == ActionKind.PRINT].tolist())
     header = [
         *header_lines,
@@ -259,6 +278,7 @@ class _HeadFile:
         points: SyncPoints,
         words: SyncWords,
         apart_s: float,
+        idle: Idle,
     ) -> None:
         self.emitter = Emitter(document, job.settings, walls_for(job))
         if tool is not None:
@@ -284,7 +304,10 @@ class _HeadFile:
         self.path: list[Point] = list(map(tuple, head.path[~np.repeat(laid, sizes)].tolist()))
         self.prints: set[int] = set()  # contours
         self.due: dict[int, float] = {}  # filament, mm, to be pushed for contours behind blocks
-        self.laid_s = 0.0  # when the head's last bead ends, by the plan
+        self.idle, self.practice = idle, idle.over(job.practice(tool))
+        self.stands = stands_of(head, index, job.contours.epoch, idle.after_s)
+        self.hot_end = HotEndTold()
+        self.primed: list[bool] = primed_before(head, idle.after_s).tolist()
 
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
         """Set up and go to the park position, one head after the other."""
@@ -308,6 +331,7 @@ class _HeadFile:
                 emitter.say(line)
             self._wait(self.index)
         emitter.verbatim(rest)
+        self.hot_end.take(preamble)
         self._resume(document.start)
         (x, y, z), z_feed = park, (emitter.settings.z_feed or 10.0) * 60
         over = max(z, self._over_printed())
@@ -342,29 +366,62 @@ class _HeadFile:
     def act(self, k: int) -> None:
         """Write action k with what it waits for and what it signals."""
         place = self.index, k
-        for number in self.points.waits.get(place, ()):
-            self._wait(number)
-        self._dwell(self.points.lags.get(place, 0.0))
+        self._stand(k)
         passed: dict[int, str] | None = None
         if (given := self.points.passed.get(place)) is not None:
             passed = {p: self._said(self.words.passed, number) for p, number in given.items()}
         kind = self.kinds[k]
         if kind == _PRINT:
             self._print(k, passed)
-        elif kind == _WAIT:
-            self._dwell(self.ends_s[k] - self.begins_s[k])
-        else:
+        elif kind != _WAIT:
             self.emitter.travel(self._path(k), passed)
         if (number := self.points.signals.get(place, 0)) > 0:
             self._end_of(k, number)
+
+    def _stand(self, k: int) -> None:
+        """Write what action k waits for, and for how long the head stands before it."""
+        stand, place = self.stands.get(k), (self.index, k)
+        numbers, lag_s = self.points.waits.get(place, ()), self.points.lags.get(place, 0.0)
+        rested_s = self.ends_s[k] - self.begins_s[k] if self.kinds[k] == _WAIT else 0.0
+        rests = None if stand is None else self._withdraw(stand)
+        hot, standby = self.hot_end.degrees, self.practice.standby_c
+        if rests is None or hot is None or standby is None:
+            self._wait_for(numbers, lag_s, rested_s)
+            return
+        heat = f"S{hot:g}"
+        self.emitter.say("M400")
+        self.emitter.say(f"M104 S{standby:g} {IDLE_MARK}")
+        if not rests.behind:
+            self._dwell(rests.cool_s, IDLE_MARK)
+            self.emitter.say(f"M104 {heat}")
+            self._wait_for(numbers, lag_s, rested_s)
+        else:
+            self._wait_for(numbers, rests.cool_s)
+            self.emitter.say(f"M104 {heat}")
+            self._dwell(rests.heat_s)
+        self.emitter.say(f"M109 {heat}")
+
+    def _withdraw(self, stand: Stand) -> Standby | None:
+        """Pull the filament back for a stand; return how the hot end cools in it."""
+        self.emitter.withdraw(self.practice.retract_mm)
+        hot, standby = self.hot_end.degrees, self.practice.standby_c
+        if hot is None or standby is None or self.emitter.cold:
+            return None
+        return standby_in(stand, hot - standby, self.idle)
+
+    def _wait_for(self, numbers: Sequence[int], *seconds: float) -> None:
+        """Wait for numbers, and stand still behind them."""
+        for number in numbers:
+            self._wait(number)
+        for part in seconds:
+            self._dwell(part)
 
     def _print(self, k: int, passed: Mapping[int, str] | None) -> None:
         """Write what stands before a contour in the source's own lines, and the contour."""
         emitter, contour = self.emitter, self.contours[k]
         changed = self._cross(self.epochs[contour])
-        if self.begins_s[k] - self.laid_s >= IDLE_S and not changed:
-            emitter.owed += self.document.prime(self.tool)
-        self.laid_s = self.ends_s[k]
+        if self.primed[k] and not changed:
+            emitter.owed += self.practice.prime_mm
         emitter.owed += self.due.pop(contour, 0.0)
         print_contour(
             emitter, self.beads, contour, [], is_reversed=self.reversed[k], entry=self.entries[k],
@@ -389,11 +446,11 @@ class _HeadFile:
         if (self.index, k) in self.points.apart:
             self._dwell(self.apart_s)
 
-    def _dwell(self, seconds: float) -> None:
-        """Stand still for a lag, in as many parts as controllers take."""
+    def _dwell(self, seconds: float, mark: str = WAIT_MARK) -> None:
+        """Stand still, in as many parts as controllers take."""
         while seconds > 0.0:
             part = min(seconds, LONGEST_DWELL_S)
-            self.emitter.dwell(part)
+            self.emitter.dwell(part, mark)
             seconds -= part
 
     def _retract_for(self, k: int) -> None:
@@ -462,6 +519,7 @@ class _HeadFile:
             emitter.set_state(begin.state)
             emitter.set_e(begin.e)
             emitter.verbatim(text)
+            self.hot_end.take(text)
             emitter.cold = emitter.cold and not heats(text)
             self._take(block, text, spares=spares, behind=behind)
             if block.moves:

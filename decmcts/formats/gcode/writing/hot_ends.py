@@ -16,7 +16,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from decmcts.errors import InputError
+from decmcts.formats.gcode.controller.targets import Targets
+from decmcts.formats.gcode.dialects.dialect import Kind, classify
 from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.job import PrintJob
 
 __all__ = [
@@ -24,6 +27,7 @@ __all__ = [
     "OWN",
     "Hears",
     "HotEnd",
+    "HotEndTold",
     "early_heat",
     "hears",
     "heats",
@@ -42,6 +46,7 @@ _COMMAND = re.compile(rb"^\s*(?:N\d+\s*)?M10([49])(?![0-9.])([^;(]*)", re.I)
 _VALUE = re.compile(rb"[SR]\s*(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"(?:^|(?<=[\s0-9.]))T\s*(\d+)", re.I)
 _BED = re.compile(rb"^\s*(?:N\d+\s*)?M1(?:40|90)(?![0-9.])([^;(]*)", re.I)
+_MOVES = re.compile(rb"G0*(?:[0-3]|1[01](?!.*[PL]))(?![0-9.])", re.I)
 EARLY = "; while other heads are set up"
 _SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)", re.I)
 
@@ -53,6 +58,26 @@ class HotEnd(NamedTuple):
     heats: bool  # else it switches off
     tool: int | None  # that it names
     degrees: float | None = None  # None: the command has no number
+
+
+class HotEndTold:
+    """What the hot end of a file of one tool was told last, as its lines go by."""
+
+    def __init__(self) -> None:
+        self._targets = Targets()
+
+    def take(self, text: bytes) -> None:
+        """Take lines of the file."""
+        for row in text.splitlines():
+            if (code := command_of(row)) and not _MOVES.match(code):
+                event = classify(row)
+                if event.kind == Kind.BARRIER:
+                    self._targets.again(code.decode("utf-8", "replace"), event.text)
+
+    @property
+    def degrees(self) -> float | None:
+        """How hot it is to be; None: not known, or off. A macro behind that may have heated it."""
+        return self._targets.known.get(("hot end", "")) or None
 
 
 class _Heated(NamedTuple):

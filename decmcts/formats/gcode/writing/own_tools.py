@@ -12,6 +12,7 @@ What a block says where a tool is taken first is told to its head behind the sta
 pushed less what is pulled with a tool between two of its contours goes with the latter of the two,
 so each tool gives what it gives in the source. But where the source pushes as much more than it has
 pulled at each change to a tool, that primes it: it is pushed where the tool's head has stood idle.
+How far a tool is pulled back at changes, and how hot it is left, is kept as its practice too.
 A change that is not understood so stays a wall.
 """
 
@@ -19,7 +20,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,11 +30,13 @@ from decmcts.formats.gcode.dialects.dialect import Kind, classify
 from decmcts.formats.gcode.document import Block, GcodeDocument, Motions, OwnStart
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.writing.hot_ends import (
+    OWN,
     hot_end_command,
     said_to_hot_ends,
     selected_by,
     told_to,
 )
+from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 
 _QUIET = re.compile(
@@ -41,8 +44,10 @@ _QUIET = re.compile(
 )  # moves, dwells, how coordinates count and how fast moves are meanwhile
 _FACTOR = re.compile(rb"M220(?![0-9.])", re.I)  # the speed's: what is in force, goes with beads
 _HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force goes with beads
+DIGITS = 5  # of filament, as many as files have
 MOST_MM = 2.0  # of filament that a change pushes or pulls in all; more is a purge, or a macro's
 PRIMES_MM = 0.01  # of filament; less is rounding
+UNLOAD_MM = 20.0  # of filament; who pulls more takes it out of the hot end
 ALIKE_MM = 2e-3  # by which what primes a tool may differ: what files of three decimals round off
 _PLACES = re.compile(r"\d+ places? nothing is moved across$")
 
@@ -195,16 +200,17 @@ def _without(
     nets = {c: nets[c] for c in behind if c in nets}
     changed = {c: net for c, net in nets.items() if contours.tool[c] != contours.tool[c - 1]}
     primes = _primes(job, changed)
+    deep = _pulled_back(job, document, changed)
+    practices = _practices(job, document, left, primes, deep)
     owed = document.owed.copy()
     for c, pushed in nets.items():
         extra = primes.get(int(contours.tool[c]), 0.0) if c in changed else 0.0
         owed[c] = 0.0 if abs(pushed - extra) < 1e-9 else extra - pushed
     owed.setflags(write=False)
-    document = replace(
-        document, blocks=tuple(kept), own_starts=own, owed=owed, primes=tuple(primes.items())
-    )
+    document = replace(document, blocks=tuple(kept), own_starts=own, owed=owed)
     contours = replace(contours, epoch=anew[contours.epoch])
-    return Freed(replace(job, contours=contours, refills=refills, notes=notes), document, 0, 0)
+    job = replace(job, contours=contours, refills=refills, notes=notes, practices=practices)
+    return Freed(job, document, 0, 0)
 
 
 def _own_starts(
@@ -257,6 +263,63 @@ def _primes(job: PrintJob, nets: dict[int, float]) -> dict[int, float]:
         if min(mine) > PRIMES_MM and max(mine) - min(mine) <= ALIKE_MM:
             found[tool] = float(np.median(mine))
     return dict(sorted(found.items()))
+
+
+def _pulled_back(
+    job: PrintJob, document: GcodeDocument, changed: Iterable[int]
+) -> dict[int, float]:
+    """Return how far, mm, each tool is pulled back at least between two of its contours.
+
+    `changed` are the contours behind changes to their tools; of tools that are pulled out of the
+    hot end nothing.
+    """
+    moves = document.moves
+    assert moves is not None
+    of, tools = np.asarray(moves.contour), np.asarray(moves.tool)
+    found = dict[int, float]()
+    for tool in {int(job.contours.tool[c]) for c in changed}:
+        total = np.concatenate([[0.0], np.cumsum(np.where(tools == tool, moves.extrusion, 0.0))])
+        laid = np.flatnonzero((of >= 0) & (tools == tool))
+        for c in (c for c in changed if job.contours.tool[c] == tool):
+            k = int(np.searchsorted(of[laid], c))  # contours are numbered in source order
+            gap = total[laid[k - 1] + 1 : laid[k] + 1]
+            found[tool] = min(found.get(tool, np.inf), float(gap[0] - gap.min()))
+    return {tool: deep for tool, deep in found.items() if PRIMES_MM < deep <= UNLOAD_MM}
+
+
+def _practices(
+    job: PrintJob, document: GcodeDocument, left: set[int], primes: Mapping[int, float],
+    deep: Mapping[int, float],
+) -> tuple[tuple[int, Practice], ...]:  # fmt: skip
+    """Return what the source does with each tool at the changes that are left out."""
+    found, own = [], told_to(document, job) == OWN  # else they share one hot end
+    for tool in np.unique(job.contours.tool).tolist():
+        hot = [
+            degrees
+            for k in left
+            if own and (block := document.blocks[k]).begin.tool == tool and _is_change(block)
+            if (degrees := _last_told(block, tool)) is not None and degrees > 0.0
+        ]
+        practice = Practice(
+            round(deep.get(tool, 0.0), DIGITS), round(primes.get(tool, 0.0), DIGITS),
+            max(hot, default=None),
+        )  # fmt: skip
+        if practice != Practice():
+            found.append((tool, practice))
+    return tuple(found)
+
+
+def _last_told(block: Block, tool: int) -> float | None:
+    """Return what a block last tells a tool's hot end, degrees; None: nothing."""
+    told, selected = None, block.begin.tool
+    for row in block.text.split(b"\n"):
+        command = command_of(row)
+        if (chosen := selected_by(command)) is not None:
+            selected = chosen
+        heat = hot_end_command(command)
+        if heat and tool == (selected if heat.tool is None else heat.tool):
+            told = heat.degrees
+    return told
 
 
 def _renamed(notes: tuple[str, ...], places: int) -> list[str]:

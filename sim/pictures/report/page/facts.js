@@ -94,6 +94,7 @@
       facts.made_safe && "The source's own order would hit the part, so this is compared with printing layer by layer.",
       facts.kept_source && `The source is kept as it is: ${facts.kept_source}.`,
       facts.heads.length < 2 && facts.waits_s >= 1 && `Of that the head waits ${D.format.duration(facts.waits_s)} for plastic to cool.`,
+      facts.idle && `${facts.idle}.`,
     ].filter(Boolean);
   }
 

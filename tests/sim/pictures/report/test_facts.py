@@ -103,3 +103,15 @@ def test_a_kept_source_says_why(make):
     after = with_metrics(document, kept_source=True, kept_because="nothing to gain: so and so")
     assert facts_of(document, after, Told())["kept_source"] == "nothing to gain: so and so"
     assert facts_of(document, document, Told())["kept_source"] is None
+
+
+def test_where_heads_stand_idle_is_said(make):
+    """In the words of the terminal; nothing where none does."""
+    document = make.tower_plan()
+    idle = {"waits": 3, "waits_s": 100.0, "pulled": 3, "primed": 2, "cooled": 1}
+    after = with_metrics(document, idle=idle)
+    assert facts_of(document, after, Told())["idle"] == (
+        "3 long waits, 0:01:40 in all: pulled back further 3 times, cooled to standby 1 time, "
+        "primed 2 times"
+    )
+    assert facts_of(document, document, Told())["idle"] == ""

@@ -1,0 +1,301 @@
+"""What heads do where they stand idle: pulled back further, cooled to standby, heated again.
+
+The head of a plan stands idle where, by the plan's times, its next action begins long after the
+one before has ended, or is a long rest; a bead of it must follow, and none of the source's own
+lines stand in between (`idle_stands`). There
+
+- its filament is pulled back as far as the source does at changes of tools, or the machine says;
+- it may be told another temperature, in these lines and no others: M400, M104 to standby, a
+  dwell, M104 back, what it waits for, M109. Nothing moves in between. The dwell ends while it
+  still would have to stand for as long as heating takes, and none makes it stand longer than
+  planned. One that stays hot instead is no fault.
+
+Files without their plan tell no times, so lengths are not looked at then. How hot a head may be
+where it prints is compared elsewhere, bead by bead (`sim.heads.changes`).
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from decmcts.print.idle import Idle, Practice
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions
+from sim.heads.file import HeadFile
+from sim.heads.walk import OWED_MM, Walk
+
+LATE_S = 0.01  # files say milliseconds, each dwell up to one more
+_TOLD = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
+_HEATS = re.compile(rb"M10[49](?![\d.])", re.I)
+_DWELL = re.compile(rb"G4 P(\d+)\Z")
+# What heats or cools in a way of its own: macros, homing and probing, changes, pauses, and more.
+_UNSEEN = re.compile(
+    rb"(?![GMT]\d|EXCLUDE_OBJECT|SET_(?:PRINT_STATS_INFO|VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION"
+    rb"|FAN_SPEED)\b)|T\d|G0*2[89](?![\d.])|G0*10(?=.*[PL])"
+    rb"|M0*(?:0|1|25|125|226|303|568|60[01]|70[12])(?![\d.])",
+    re.I,
+)
+
+
+class Stand(NamedTuple):
+    """A head stands idle before an action."""
+
+    seconds: float
+    behind_s: float  # of it, from what it waits for on
+
+
+@dataclass(frozen=True, slots=True)
+class Idling:
+    """Where a head stands idle, and what it has to do there."""
+
+    idle: Idle
+    practice: Practice  # the machine's words before the source's
+    stands: Mapping[int, Stand] | None  # by action; None: no plan says
+    primed: Set[int] | None  # contours before which it has laid nothing for long
+
+    @classmethod
+    def of(
+        cls, idle: Idle, actions: HeadActions, head: int, job: PrintJob, tool: int | None, *,
+        timed: bool,
+    ) -> Idling:  # fmt: skip
+        """Return what a head has to do by its actions; by none of their times unless `timed`."""
+        practice = idle.over(job.practice(tool))
+        if tool is not None and job.settings.for_tool(tool).firmware_retraction:
+            practice = replace(practice, retract_mm=0.0)  # the firmware knows no other length
+        if not timed:
+            return cls(idle, practice, None, None)
+        stands = dict(idle_stands(actions, head, job, idle.after_s))
+        return cls(idle, practice, stands, idle_before(actions, idle.after_s))
+
+    def pulled_before(self, actions: HeadActions) -> Set[int] | None:
+        """Return the contours before which it stands idle; None: no plan says."""
+        if self.stands is None:
+            return None
+        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        places = np.searchsorted(prints, list(self.stands))
+        return frozenset(actions.contour[prints[places]].tolist())
+
+
+def idle_stands(
+    actions: HeadActions, head: int, job: PrintJob, after_s: float
+) -> Iterator[tuple[int, Stand]]:
+    """Yield the actions before which a head stands idle."""
+    kind, contour = actions.kind.tolist(), actions.contour.tolist()
+    begin, end = actions.begin_s.tolist(), actions.end_s.tolist()
+    epochs, held = job.contours.epoch, dict[int, Stand]()
+    now, before = int(epochs.min(initial=0)), 0.0
+    for k, does in enumerate(kind):
+        rests = end[k] - begin[k] if does == ActionKind.WAIT else 0.0
+        if (seconds := begin[k] - before + rests) >= after_s:
+            lags = (edge.lag_s for edge in actions.after_edges(k) if edge.head != head)
+            held[k] = Stand(seconds, rests + max(lags, default=0.0))
+        before = end[k]
+        if does == ActionKind.PRINT:
+            if (epoch := int(epochs[contour[k]])) == now:
+                yield from held.items()
+            held, now = {}, epoch
+
+
+def idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
+    """Return the contours before which a head has laid nothing for so long, by its plan's times.
+
+    Before its first one it has laid nothing since the heads begin.
+    """
+    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    ends = np.concatenate([[0.0], actions.end_s[rows[:-1]]]) if len(rows) else np.empty(0)
+    idle = np.asarray(actions.begin_s)[rows] - ends >= after_s
+    return frozenset(actions.contour[rows[idle]].tolist())
+
+
+@dataclass(slots=True)
+class Standby:
+    """Lines that cool a hot end and heat it again."""
+
+    lines: tuple[int, ...]  # of M400, M104, M104 and M109
+    degrees: tuple[float, ...]  # of the last three
+
+
+@dataclass(frozen=True, slots=True)
+class _Stills:
+    """Lines of a file, ascending, found once for all that is asked of it."""
+
+    waits: list[int]
+    signals: list[int]
+    dwells: list[int]
+    seconds: list[float]  # of each dwell
+    heats: list[int]  # commands to the hot end,
+    told: list[float | None]  # degrees that each says, where it is a plain one
+    unseen: list[int]  # commands that may heat or cool in a way of their own
+
+    @classmethod
+    def of(cls, file: HeadFile) -> _Stills:
+        found = cls(
+            [sync.line for sync in file.syncs if not sync.signal],
+            [sync.line for sync in file.syncs if sync.signal], [], [], [], [], [],
+        )  # fmt: skip
+        for line, code in file.others:
+            if match := _DWELL.match(code):
+                found.dwells.append(line)
+                found.seconds.append(int(match[1]) / 1000.0)
+            elif _HEATS.match(code):
+                match = _TOLD.match(code)
+                found.heats.append(line)
+                found.told.append(None if match is None else float(match[2]))
+            elif _UNSEEN.match(code):
+                found.unseen.append(line)
+        return found
+
+    def dwelt_s(self, above: int, below: int) -> float:
+        """Return the seconds dwelt below line `above` and above line `below`."""
+        return sum(self.seconds[bisect_right(self.dwells, above) : bisect_left(self.dwells, below)])
+
+    def told_above(self, line: int) -> float | None:
+        """Return how hot the hot end was told to be above a line; None: it is not known."""
+        k = bisect_left(self.heats, line) - 1
+        later = bisect_right(self.unseen, self.heats[k]) if k >= 0 else 0
+        unseen = later < len(self.unseen) and self.unseen[later] < line
+        return None if k < 0 or unseen else self.told[k]
+
+
+def _between(lines: Sequence[int], above: int, below: int) -> Sequence[int]:
+    return lines[bisect_right(lines, above) : bisect_left(lines, below)]
+
+
+@dataclass(slots=True)
+class Idled:
+    """What is wrong where a head stands idle, and the lines that are right there."""
+
+    words: list[str] = field(default_factory=list)
+    lines: set[int] = field(default_factory=set)
+
+
+def check_idle(
+    file: HeadFile, walk: Walk, begin: int, end: int, taken: Set[int], idling: Idling
+) -> Idled:
+    """Check what a file does where its head stands idle, between lines `begin` and `end`.
+
+    `taken` are the lines that are the source's own.
+    """
+    found = Idled()
+    own = [
+        (line, code)
+        for line, code in file.others
+        if begin < line < end and line not in taken and (code == b"M400" or _TOLD.match(code))
+    ]
+    groups, stills = list(_standbys(own)), _Stills.of(file)
+    windows = _windows(walk, begin, end)
+    free = [] if idling.stands is None else sorted(idling.stands.items())
+    for group in groups:
+        found.lines.update(group.lines)
+        found.words += _told_wrong(file, stills, group, idling)
+        if idling.stands is None:
+            found.words += _waitless(stills, group)
+            continue
+        at = next((n for n, (k, _) in enumerate(free) if _within(group, windows[k])), None)
+        if at is None:
+            found.words.append(
+                f"line {group.lines[1]}: it cools where the plan has it wait for no long time"
+            )
+        else:
+            found.words += _late(stills, group, free[at][1], idling.idle)
+            del free[: at + 1]
+    found.words += _pushed(file, stills, windows, idling)
+    return found
+
+
+def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[Standby]:
+    """Yield the lines that cool and heat again, of those that might; others are left."""
+    k = 0
+    while k < len(own):
+        rows = own[k : k + 4]
+        told = [_TOLD.match(code) for _, code in rows[1:]]
+        names = [None if match is None else match[1] for match in told]
+        if rows[0][1] == b"M400" and names == [b"104", b"104", b"109"]:
+            degrees = tuple(float(match[2]) for match in told if match is not None)
+            yield Standby(tuple(line for line, _ in rows), degrees)
+            k += 4
+        else:
+            k += 1
+
+
+def _windows(walk: Walk, begin: int, end: int) -> list[tuple[int, int]]:
+    """Return the lines between which a head stands before each action."""
+    ahead, found = end, []
+    for k in range(len(walk.first) - 1, -1, -1):
+        ahead = walk.first[k] if walk.first[k] > 0 else ahead
+        found.append((walk.last[k - 1] if k and k <= len(walk.last) else begin, ahead))
+    return found[::-1]
+
+
+def _within(group: Standby, window: tuple[int, int]) -> bool:
+    return window[0] < group.lines[0] and group.lines[-1] < window[1]
+
+
+def _waitless(stills: _Stills, group: Standby) -> Iterator[str]:
+    """Yield a line where there is nothing that a head stands for at standby, or while it heats."""
+    first, last = group.lines[1], group.lines[-1]
+    if not _between(stills.waits, first, last) and not _between(stills.dwells, first, last):
+        yield f"line {first}: it cools where it does not wait"
+
+
+def _told_wrong(
+    file: HeadFile, stills: _Stills, group: Standby, idling: Idling
+) -> Iterator[str]:  # fmt: skip
+    """Yield what is wrong with the temperatures of a standby, or moves and signals within it."""
+    first, last = group.lines[0], group.lines[-1]
+    cold, warm, hot = group.degrees
+    due = stills.told_above(first)
+    if due is None:
+        yield f"line {group.lines[1]}: it cools, and how hot it was is not known"
+    elif not warm == hot == due:
+        yield f"line {last}: it is heated to {hot:g} degrees, above it was {due:g}"
+    if idling.practice.standby_c is None:
+        yield f"line {group.lines[1]}: it cools, which neither source nor machine does"
+    elif cold != idling.practice.standby_c or (due is not None and cold >= due):
+        yield (
+            f"line {group.lines[1]}: it cools to {cold:g} degrees, standby is "
+            f"{idling.practice.standby_c:g}"
+        )
+    if file.motion.before[first - 1] != file.motion.before[last - 1]:
+        yield f"line {first}: it moves before it is hot again in line {last}"
+    if _between(stills.signals, first, last):
+        yield f"line {first}: others wait for it until it is hot again in line {last}"
+
+
+def _late(stills: _Stills, group: Standby, stand: Stand, idle: Idle) -> Iterator[str]:
+    """Yield what makes a head stand longer than planned, or not be hot in time."""
+    _, cool, heat, last = group.lines
+    waits = _between(stills.waits, cool, last)
+    begins = min(waits, default=last)  # of what it waits for
+    before = until = stills.dwelt_s(cool, min(begins, heat))
+    if waits and begins < heat:
+        until = stand.seconds - stand.behind_s + stills.dwelt_s(begins, heat)
+    takes = (group.degrees[1] - group.degrees[0]) / idle.heat_c_s
+    if waits and before > stand.seconds - stand.behind_s + LATE_S:
+        yield f"line {cool}: it dwells {before:.1f} s at standby, and may go on sooner by the plan"
+    if until + takes > stand.seconds + LATE_S:
+        yield (
+            f"line {heat}: it is heated {until:.1f} s into a wait of {stand.seconds:.1f} s, too "
+            f"late for {takes:.1f} s"
+        )
+
+
+def _pushed(
+    file: HeadFile, stills: _Stills, windows: Sequence[tuple[int, int]], idling: Idling
+) -> Iterator[str]:
+    """Yield the stands in which filament is not pulled back as far as it has to be."""
+    deep, motion = idling.practice.retract_mm, file.motion
+    still = sorted(stills.waits + stills.dwells)
+    for k in sorted(idling.stands or ()):
+        low, high = windows[k]
+        last = bisect_left(still, high) - 1  # others may be for what stands still above
+        at = still[last] if last >= 0 and still[last] > low else high
+        owed = float(motion.extruder[max(at - 2, 0), 1])
+        if owed < deep - OWED_MM:
+            yield f"line {at}: it stands idle with {owed:g} mm retracted, {deep:g} are due"
