@@ -74,7 +74,8 @@ def idle_line(metrics: Metrics) -> str:
     ]
     stood = clock_time(_count(idle, "waits_s"))
     waits = f"{_times(_count(idle, 'waits'), 'long wait')}, {stood} in all"
-    return f"{waits}: {', '.join(told) or 'heads stay hot, pulled back as for a travel'}"
+    nothing = "heads stay hot, with no more pulled back than for their travels"
+    return f"{waits}: {', '.join(told) or nothing}"
 
 
 def _count(figures: Mapping[Any, Any], key: str) -> int:

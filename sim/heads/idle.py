@@ -30,15 +30,18 @@ from decmcts.print.plan import ActionKind, HeadActions
 from sim.heads.file import HeadFile
 from sim.heads.walk import OWED_MM, Walk
 
+_OWN = b"; decmcts stands idle"  # behind a dwell at standby
 LATE_S = 0.01  # files say milliseconds, each dwell up to one more
 _TOLD = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
-_HEATS = re.compile(rb"M10[49](?![\d.])", re.I)
+_STATED = re.compile(rb"M10[49] [SR] ?(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)  # by any source
+_HEATS = re.compile(rb"M0*10[49](?!\d)", re.I)
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 # What heats or cools in a way of its own: macros, homing and probing, changes, pauses, and more.
 _UNSEEN = re.compile(
     rb"(?![GMT]\d|EXCLUDE_OBJECT|SET_(?:PRINT_STATS_INFO|VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION"
     rb"|FAN_SPEED)\b)|T\d|G0*2[89](?![\d.])|G0*10(?=.*[PL])"
-    rb"|M0*(?:0|1|25|125|226|303|568|60[01]|70[12])(?![\d.])",
+    rb"|G0*2[89]\.|G0*3[034](?!\d)|M0*(?:98|32|30[36]|568|60[0-2]|62\d|70[12]|999|1002)(?!\d)"
+    rb"|M0*(?:0|1|25|125|226)(?![\d.])",
     re.I,
 )
 
@@ -144,9 +147,9 @@ class _Stills:
                 found.dwells.append(line)
                 found.seconds.append(int(match[1]) / 1000.0)
             elif _HEATS.match(code):
-                match = _TOLD.match(code)
+                match = _STATED.match(code)
                 found.heats.append(line)
-                found.told.append(None if match is None else float(match[2]))
+                found.told.append(None if match is None else float(match[1]))
             elif _UNSEEN.match(code):
                 found.unseen.append(line)
         return found
@@ -197,14 +200,19 @@ def check_idle(
         if idling.stands is None:
             found.words += _waitless(stills, group)
             continue
-        at = next((n for n, (k, _) in enumerate(free) if _within(group, windows[k])), None)
-        if at is None:
+        here = [n for n, (k, _) in enumerate(free) if _within(group, windows[k])]
+        if not here:
             found.words.append(
                 f"line {group.lines[1]}: it cools where the plan has it wait for no long time"
             )
-        else:
-            found.words += _late(stills, group, free[at][1], idling.idle)
-            del free[: at + 1]
+            continue
+        late = [
+            list(_late(stills, group, free[n][1], windows[free[n][0]], idling.idle)) for n in here
+        ]
+        best = next((i for i, words in enumerate(late) if not words), 0)  # a rest and what waits
+        found.words += late[best]  # behind it stand between the same lines
+        del free[: here[best] + 1]
+    found.words += _dwelt_elsewhere(file, stills, groups)
     found.words += _pushed(file, stills, windows, idling)
     return found
 
@@ -262,13 +270,34 @@ def _told_wrong(
             f"line {group.lines[1]}: it cools to {cold:g} degrees, standby is "
             f"{idling.practice.standby_c:g}"
         )
+    others = {*_between(stills.heats, first, last), *_between(stills.unseen, first, last)}
+    for line in sorted(others - set(group.lines)):
+        yield f"line {line}: it may be heated or cooled otherwise while it stands at standby"
     if file.motion.before[first - 1] != file.motion.before[last - 1]:
         yield f"line {first}: it moves before it is hot again in line {last}"
     if _between(stills.signals, first, last):
         yield f"line {first}: others wait for it until it is hot again in line {last}"
 
 
-def _late(stills: _Stills, group: Standby, stand: Stand, idle: Idle) -> Iterator[str]:
+def _dwelt_elsewhere(
+    file: HeadFile, stills: _Stills, groups: Sequence[Standby]
+) -> Iterator[str]:  # fmt: skip
+    """Yield the dwells at standby that stand beside no standby."""
+    within = {
+        line
+        for group in groups
+        for line in _between(stills.dwells, group.lines[0], group.lines[-1])
+    }
+    beside = [line for line in stills.dwells if line not in within]
+    rows = file.lines.text.split(b"\n") if beside else []
+    for line in beside:
+        if rows[line - 1].rstrip().endswith(_OWN):
+            yield f"line {line}: it dwells as at standby, and is at none"
+
+
+def _late(
+    stills: _Stills, group: Standby, stand: Stand, window: tuple[int, int], idle: Idle
+) -> Iterator[str]:
     """Yield what makes a head stand longer than planned, or not be hot in time."""
     _, cool, heat, last = group.lines
     waits = _between(stills.waits, cool, last)
@@ -277,7 +306,12 @@ def _late(stills: _Stills, group: Standby, stand: Stand, idle: Idle) -> Iterator
     if waits and begins < heat:
         until = stand.seconds - stand.behind_s + stills.dwelt_s(begins, heat)
     takes = (group.degrees[1] - group.degrees[0]) / idle.heat_c_s
-    if waits and before > stand.seconds - stand.behind_s + LATE_S:
+    known_s = stand.seconds - stand.behind_s
+    if not waits and _between(stills.waits, window[0], cool):
+        known_s = stand.behind_s  # what it waited for has happened
+    elif not waits:
+        known_s = stand.seconds
+    if before > known_s + LATE_S:
         yield f"line {cool}: it dwells {before:.1f} s at standby, and may go on sooner by the plan"
     if until + takes > stand.seconds + LATE_S:
         yield (

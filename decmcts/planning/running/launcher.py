@@ -32,7 +32,7 @@ from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Note, Report, unheard
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.fenced import fenced_places
+from decmcts.planning.replanning.fenced import PARKED, fenced_places
 from decmcts.planning.running.options import (
     Failure,
     RunOptions,
@@ -40,7 +40,7 @@ from decmcts.planning.running.options import (
     unseen,
 )
 from decmcts.planning.running.parking import same_place
-from decmcts.planning.running.recorded import Carried
+from decmcts.planning.running.recorded import SEEN_MM, Carried
 from decmcts.planning.running.renewing import Begin, News, NotRenewed, Parking, Renewed, renew
 from decmcts.planning.running.standing import Standing, view_of
 from decmcts.print.figures import clock_time
@@ -564,8 +564,8 @@ class Launcher:
             case [("pause" | "resume" | "abort") as word, name]:
                 self._ask(self._named(name), word)
             case ["fenced", name, place]:
-                self._fenced(self._named(name), place, place)
-            case ["fenced", name, place, stopped]:
+                self._fenced(self._named(name), place, None if place == PARKED else place)
+            case ["fenced", name, "park" as place, stopped]:
                 self._fenced(self._named(name), place, stopped)
             case _:
                 raise InputError(
@@ -583,16 +583,23 @@ class Launcher:
             raise InputError(f"no head {name}", advice=f"heads are {', '.join(names)}")
         return names.index(name)
 
-    def _fenced(self, h: int, place: str, stopped: str) -> None:
+    def _fenced(self, h: int, place: str, stopped: str | None) -> None:
         """Take a person's word that a head is off, where it stands, and where it had stopped."""
         head = self.heads[h]
         if head.fenced and not self.reason:
             raise InputError(f"the rest is planned around {head.name}: leave it where it stands")
-        at, stopped_at = self._place(head.name, place), self._place(head.name, stopped)
+        at = self._place(head.name, place)
+        stopped_at = None if stopped is None else self._place(head.name, stopped)
         self._fail(h, "fenced by a person")
         begun = [carried for carried in self.plans if h in carried.heads and carried.last(h)]
-        if begun and head.failure is not None:
-            begun[-1].stop(h, stopped_at, head.failure.noticed_s)
+        if begun and stopped_at is not None and head.failure is not None:
+            broken = begun[-1].state(h)
+            was_seen = begun[-1].stop(h, stopped_at, head.failure.noticed_s)
+            if broken.begun and not broken.is_exact and not was_seen:
+                self.report(Note(
+                    f"{head.name}: that is more than {SEEN_MM:g} mm from where it may have "
+                    "stopped; what the bead it was at lacks stays unknown"
+                ))  # fmt: skip
         self._fence(h, at)
         self.moved[h] = (self.clock.now(), at)
         self.reason = ""

@@ -14,6 +14,7 @@ from agents.launching.processes import Said as AgentSaid
 from agents.running.clock import PrintClock
 from agents.running.heads import Recorded
 from agents.running.port import Ready
+from decmcts.planning.events import Event, Note
 from decmcts.planning.running import launcher as module
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
@@ -179,3 +180,14 @@ def _first_bead(made: Made, desk: Desk) -> NDArray[np.float64]:
     desk.launcher.heads[RIGHT].controller_gone = "its controller ended"
     desk.launcher._step()
     return path
+
+
+def test_a_person_is_told_where_a_place_cannot_be(made: Made, desk: Desk) -> None:
+    """It was dropped in silence, and the bead's rest stayed unknown."""
+    said: list[Event] = []
+    desk.launcher.report = said.append
+    path = _first_bead(made, desk)
+    aside = path[0] + [0.0, 0.0, 5.0]
+    desk.launcher._do(["fenced", "right", ",".join(map(str, aside))])
+    assert any("stays unknown" in event.text for event in said if isinstance(event, Note))
+    assert not desk.launcher.plans[0].state(RIGHT).is_exact
