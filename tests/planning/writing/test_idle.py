@@ -45,6 +45,9 @@ APART = [
 ]
 
 
+RULES = Rules(min_layer_time_s=90.0)
+
+
 def launched(
     folder: Path, agents: Agents, source: str, idle: str, *,
     rules: Rules = RULES, changes: Sequence[tuple[str, str]] = (),
