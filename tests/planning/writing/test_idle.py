@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -118,6 +119,9 @@ def test_a_head_may_rest_and_then_wait_for_another(agents: Agents, tmp_path: Pat
     idle = "idle = { standby_c = 150, heat_c_s = 1.5 }"
     rules = Rules(min_layer_time_s=40.0, max_layers_ahead=1)
     source = one_tool(tmp_path, layers=7)
+    parts = re.split(r"(?=G1 X(?:60|220)\D)", Path(source).read_text())
+    slow = [part.replace("F60", "F20") if part.startswith("G1 X220") else part for part in parts]
+    Path(source).write_text("".join(slow))
     _, files = launched(tmp_path, agents, source, idle, rules=rules, changes=APART)
     assert run(["verify", *files]) == 0
 
