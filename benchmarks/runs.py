@@ -364,7 +364,7 @@ def main() -> None:
     options: argparse.Namespace = parser.parse_args()
     rows = Rows(options.results / "runs.csv", KEY)
     prints, kinds = options.prints, len(KINDS)
-    todo = [(prints[n % len(prints)], KINDS[(n + n // len(prints)) % kinds], n)
+    todo = [(prints[n % len(prints)], KINDS[n // len(prints) % kinds], n)
             for n in range(options.failures)]  # fmt: skip
     todo += [(prints[n % len(prints)], LOSSY, n) for n in range(options.lossy)]
     limits = options.time_limit, options.speed
