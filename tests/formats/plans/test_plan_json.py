@@ -8,6 +8,7 @@ import json
 import re
 import tempfile
 import time
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -244,7 +245,8 @@ def test_documented_example_is_a_plan():
 def test_documented_machine_is_one(tmp_path):
     """Likewise for machine files."""
     text = (DOCS / "machine-format.md").read_text(encoding="utf-8")
-    words, example = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    idle, words, example = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    assert tomllib.loads(idle)["idle"]["standby_c"] == 170
     (tmp_path / "m.toml").write_text(example + words, encoding="utf-8")
     machine = load_machine(str(tmp_path / "m.toml"))
     assert (
