@@ -246,7 +246,7 @@ def test_documented_machine_is_one(tmp_path):
     """Likewise for machine files."""
     text = (DOCS / "machine-format.md").read_text(encoding="utf-8")
     idle, words, example = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
-    assert tomllib.loads(idle)["idle"]["standby_c"] == 170
+    assert tomllib.loads(idle)["heads"][0]["idle"]["standby_c"] == 170
     (tmp_path / "m.toml").write_text(example + words, encoding="utf-8")
     machine = load_machine(str(tmp_path / "m.toml"))
     assert (
