@@ -13,12 +13,14 @@ for cooling) is known exactly, so where that is long enough it is heated within 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.idle import Idle
+from decmcts.print.idle import Idle, Practice
+from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.plan import ActionKind, HeadActions
 
 SAFE = 0.9
@@ -38,6 +40,21 @@ class Standby(NamedTuple):
     cool_s: float
     heat_s: float
     behind: bool  # both behind the signals; else it cools before them, and is heated while waiting
+
+
+def practice_of(
+    actions: HeadActions, job: PrintJob, idle: Idle
+) -> tuple[Practice, ProcessSettings]:
+    """Return what a head does where it stands idle, and how it travels, by the tool it prints with.
+
+    It prints something. Firmware that retracts knows no other length.
+    """
+    first = int(np.flatnonzero(actions.kind == ActionKind.PRINT)[0])
+    tool = int(job.contours.tool[actions.contour[first]])
+    practice, settings = idle.over(job.practice(tool)), job.settings.for_tool(tool)
+    if settings.firmware_retraction:
+        practice = replace(practice, retract_mm=0.0)
+    return practice, settings
 
 
 def stands_of(

@@ -18,9 +18,10 @@ from decmcts.formats.gcode.controller.duration import dwell_seconds, file_progra
 from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
-from sim.controllers.heating import AMBIENT_C, Heaters, hot_end_told
+from sim.controllers.heating import AMBIENT_C, Heaters
 from sim.controllers.program import Floats, HeadProgram, HotEnd, Ints, StopKind, Stops, stops_of
 from sim.heads.file import HeadFile, read_head_file
+from sim.heads.heat import degrees_of, heat_of
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
 _LAYER_NAME = re.compile(
@@ -127,9 +128,12 @@ def _stops(
     for row, code in file.others:
         if _DWELLS.match(code):
             found.append((row, StopKind.DWELL, -1, dwell_seconds(file.lines, row - 1)))
-        elif row > set_up and (told := hot_end_told(code)) is not None:
-            kind = StopKind.HEAT if told[0] else StopKind.TELL
-            found.append((row, kind, -1, told[1]))
+        elif (
+            row > set_up
+            and (heat := heat_of(code)) is not None
+            and (degrees := degrees_of(code)) is not None
+        ):
+            found.append((row, StopKind.HEAT if heat.waits else StopKind.TELL, -1, degrees))
         elif (seconds := heaters.take(code)) > 0.0:
             found.append((row, StopKind.DWELL, -1, seconds))
         elif _RESTS.match(code):

@@ -10,21 +10,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from sim.heads.heat import degrees_of
+
 AMBIENT_C = 25.0
 HOT_END_C_S, BED_C_S = 3.0, 0.5  # degrees a second
 COOL_C_S = 1.0  # of a hot end near 200 °C in still air
 _HEAT = re.compile(rb"M(104|109|140|190)(?![\d.])(.*)", re.I)
-_VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"T ?(\d+)", re.I)
-
-
-def hot_end_told(code: bytes) -> tuple[bool, float] | None:
-    """Return whether a command waits for a hot end, and the degrees it states; None: no such."""
-    match = _HEAT.match(code)
-    if match is None or match[1] not in (b"104", b"109"):
-        return None
-    value = _VALUE.search(match[2])
-    return None if value is None else (match[1] == b"109", float(value[1]))
 
 
 @dataclass(slots=True)
@@ -43,8 +35,8 @@ class Heaters:
         tool = _TOOL.search(words)
         bed = number in (b"140", b"190")
         heater = b"bed" if bed else b"hot end" + (tool[1] if tool else b"")
-        value = _VALUE.search(words)
-        target = self.due.get(heater, AMBIENT_C) if value is None else float(value[1])
+        degrees = degrees_of(words)
+        target = self.due.get(heater, AMBIENT_C) if degrees is None else degrees
         self.due[heater] = target
         if number in (b"104", b"140"):
             return 0.0

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,13 +36,12 @@ from sim.files.command_book import command_in, commands_of
 from sim.files.commands import sets_state
 from sim.files.written import source_text
 from sim.heads.file import HeadFile
-from sim.heads.heat import SELECTS, heat_due
+from sim.heads.heat import SELECTS, degrees_of, heat_due
 
 _HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
 _MOVES = re.compile(
     rb"G(?:[0-4]|1[01](?!.*[PL])|21|9[01])(?![\d.])|G92 ?E|M(?:400|8[23])(?![\d.])", re.I
 )
-_DEGREES = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _NAMED = re.compile(rb"(?:(?<=\d)| )T ?(\d+)", re.I)
 
 MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
@@ -177,8 +176,8 @@ def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:
 
 def _degrees(words: bytes) -> float:
     """Return what a hot end is told; without a number, as in templates of hosts, that is hot."""
-    value = _DEGREES.search(words)
-    return float(value[1]) if value else np.inf
+    degrees = degrees_of(words)
+    return np.inf if degrees is None else degrees
 
 
 def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
@@ -262,10 +261,7 @@ def _pulled_back(
     number, held = tool.tolist(), dict[int, float]()
     lowest, found = dict[int, float](), dict[int, list[float]]()
     at = -1
-    for used, contour, filament in zip(
-        np.asarray(moves.tool).tolist(), np.asarray(moves.contour).tolist(),
-        np.asarray(moves.extrusion).tolist(), strict=True,
-    ):  # fmt: skip
+    for used, contour, filament in _pushes(moves):
         if contour < 0:
             held[used] = held.get(used, 0.0) + filament
             lowest[used] = min(lowest.get(used, 0.0), held[used])
@@ -278,6 +274,12 @@ def _pulled_back(
     return {used: deep for used, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
 
 
+def _pushes(moves: Motions) -> Iterable[tuple[int, int, float]]:
+    """Return tool, contour and filament (mm) of each move."""
+    columns = (moves.tool, moves.contour, moves.extrusion)
+    return zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+
+
 def nets_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, float]:
     """Return what a contour's tool has pushed less what it has pulled since its last contour, mm.
 
@@ -285,10 +287,7 @@ def nets_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, f
     """
     number, net, held = tool.tolist(), dict[int, float](), dict[int, float]()
     at = -1
-    for used, contour, filament in zip(
-        np.asarray(moves.tool).tolist(), np.asarray(moves.contour).tolist(),
-        np.asarray(moves.extrusion).tolist(), strict=True,
-    ):  # fmt: skip
+    for used, contour, filament in _pushes(moves):
         if contour < 0:
             if filament and used in held:
                 held[used] += filament

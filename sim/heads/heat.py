@@ -49,10 +49,16 @@ def heat_of(code: bytes) -> Heat | None:
     match = _HOT_END.match(code)
     if match is None:
         return None
-    value = _VALUE.search(match[2])
+    degrees = degrees_of(match[2])
     tools = [int(chosen[1]) for word in match[2].split() if (chosen := SELECTS.match(word))]
-    heats = value is None or float(value[1]) > 0.0
+    heats = degrees is None or degrees > 0.0
     return Heat(match[1] == b"9", heats, tools[0] if tools else None)
+
+
+def degrees_of(words: bytes) -> float | None:
+    """Return the degrees that a command to a heater states; None: none."""
+    value = _VALUE.search(words)
+    return None if value is None else float(value[1])
 
 
 def heat_due(document: GcodeDocument, job: PrintJob) -> Due:

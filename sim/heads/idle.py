@@ -24,13 +24,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.print.idle import Idle, Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.heads.file import HeadFile
 from sim.heads.walk import OWED_MM, Walk
 
-_OWN = b"; decmcts stands idle"  # behind a dwell at standby
+_OWN = IDLE_MARK.encode()  # behind a dwell at standby
 LATE_S = 0.01  # files say milliseconds, each dwell up to one more
 _TOLD = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
 _STATED = re.compile(rb"M10[49] [SR] ?(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)  # by any source
@@ -288,10 +289,8 @@ def _dwelt_elsewhere(
         for group in groups
         for line in _between(stills.dwells, group.lines[0], group.lines[-1])
     }
-    beside = [line for line in stills.dwells if line not in within]
-    rows = file.lines.text.split(b"\n") if beside else []
-    for line in beside:
-        if rows[line - 1].rstrip().endswith(_OWN):
+    for line in stills.dwells:
+        if line not in within and file.row(line).rstrip().endswith(_OWN):
             yield f"line {line}: it dwells as at standby, and is at none"
 
 
@@ -306,11 +305,10 @@ def _late(
     if waits and begins < heat:
         until = stand.seconds - stand.behind_s + stills.dwelt_s(begins, heat)
     takes = (group.degrees[1] - group.degrees[0]) / idle.heat_c_s
-    known_s = stand.seconds - stand.behind_s
-    if not waits and _between(stills.waits, window[0], cool):
-        known_s = stand.behind_s  # what it waited for has happened
-    elif not waits:
-        known_s = stand.seconds
+    if waits:
+        known_s = stand.seconds - stand.behind_s
+    else:  # what it waits for has happened above, or it waits for nothing
+        known_s = stand.behind_s if _between(stills.waits, window[0], cool) else stand.seconds
     if before > known_s + LATE_S:
         yield f"line {cool}: it dwells {before:.1f} s at standby, and may go on sooner by the plan"
     if until + takes > stand.seconds + LATE_S:

@@ -20,7 +20,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Release
+from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
@@ -96,6 +96,19 @@ def verify_heads(
     return judge_together(
         walked, plan, job, document, release=release, interval_s=interval_s, words=words, read=read
     )
+
+
+def verify_heads_on(
+    machine: Machine, paths: Sequence[Path | str], plan: JointPlan, job: PrintJob,
+    document: GcodeDocument, *, read: bool = False,
+) -> Verdict:  # fmt: skip
+    """Check the files of all heads of a plan for a machine, as `verify_heads` does."""
+    heads = [machine.head(actions.head) for actions in plan.heads]
+    return verify_heads(
+        paths, plan, job, document, parks=[head.park for head in heads], release=machine.release,
+        interval_s=machine.signal_interval_s, words=machine.words,
+        idles=[head.idle for head in heads], read=read,
+    )  # fmt: skip
 
 
 ORDERED = "what the files' sync points order"

@@ -592,14 +592,12 @@ class Launcher:
         stopped_at = None if stopped is None else self._place(head.name, stopped)
         self._fail(h, "fenced by a person")
         begun = [carried for carried in self.plans if h in carried.heads and carried.last(h)]
-        if begun and stopped_at is not None and head.failure is not None:
-            broken = begun[-1].state(h)
-            was_seen = begun[-1].stop(h, stopped_at, head.failure.noticed_s)
-            if broken.begun and not broken.is_exact and not was_seen:
-                self.report(Note(
-                    f"{head.name}: that is more than {SEEN_MM:g} mm from where it may have "
-                    "stopped; what the bead it was at lacks stays unknown"
-                ))  # fmt: skip
+        since = head.failure
+        if begun and stopped_at and since and not begun[-1].stop(h, stopped_at, since.noticed_s):
+            self.report(Note(
+                f"{head.name}: that is more than {SEEN_MM:g} mm from where it may have stopped; "
+                "what the bead it was at lacks stays unknown"
+            ))  # fmt: skip
         self._fence(h, at)
         self.moved[h] = (self.clock.now(), at)
         self.reason = ""

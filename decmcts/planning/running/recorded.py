@@ -96,16 +96,16 @@ class Carried:
         return HeadState(name, reached.ended, reached.begun, reached.point)
 
     def stop(self, head: int, at: Point, time_s: float) -> bool:
-        """Take a person's word where a head stopped; False where it had begun nothing there.
+        """Take a person's word where a head stopped; False where it cannot have stopped there.
 
         The nozzle is at most `SEEN_MM` from the path of the action it had begun, not behind what
-        it had passed.
+        it had passed. Where it had begun none, or has said where it stopped, nothing is missing.
         """
         place = self.heads.index(head)
         actions, state = self.document.plan.heads[place], self.state(head)
         k = state.ended
         if state.failed or not state.begun or k >= len(actions):
-            return False
+            return True
         path = actions.action_path(k)
         near = [
             (*nearest_on_segment(path[i], path[i + 1], at), i)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +11,9 @@ from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.planning.problem.planned import Planned
 from decmcts.print.metrics import IdleMetrics, Metrics
 from decmcts.print.plan import ActionKind, HeadActions
-from decmcts.print.stands import primed_before, stands_of
+from decmcts.print.stands import practice_of, primed_before, stands_of
 
-_COOLS = f" {IDLE_MARK}".encode()
+_COOLS = re.compile(rb"^M104 [^\r\n]* " + re.escape(IDLE_MARK.encode()) + rb"\r?$", re.M)
 
 
 def with_idling(planned: Planned) -> Planned:
@@ -38,13 +39,12 @@ def with_idling(planned: Planned) -> Planned:
 def _counts(planned: Planned, actions: HeadActions, h: int) -> tuple[float, float, float, float]:
     """Return of a head: idle waits, their seconds, how many it is pulled back for, times primed."""
     job, machine = planned.problem.job, planned.after.machine
-    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    if not len(prints):
+    if not (actions.kind == ActionKind.PRINT).any():
         return 0, 0.0, 0, 0
-    tool, idle = int(job.contours.tool[actions.contour[prints[0]]]), machine.heads[h].idle
-    practice, settings = idle.over(job.practice(tool)), job.settings.for_tool(tool)
+    idle = machine.heads[h].idle
+    practice, settings = practice_of(actions, job, idle)
     stands = stands_of(actions, h, job.contours.epoch, idle.after_s)
-    further = practice.retract_mm > settings.retract_mm and not settings.firmware_retraction
+    further = practice.retract_mm > settings.retract_mm
     primed = primed_before(actions, idle.after_s).sum() if practice.prime_mm else 0
     seconds = sum(stand.seconds for stand in stands.values())
     return len(stands), seconds, len(stands) * further, int(primed)
@@ -52,4 +52,4 @@ def _counts(planned: Planned, actions: HeadActions, h: int) -> tuple[float, floa
 
 def _cooled(text: bytes) -> int:
     """Return how often a file cools its hot end to standby."""
-    return sum(row.startswith(b"M104 ") and row.endswith(_COOLS) for row in text.splitlines())
+    return sum(1 for _ in _COOLS.finditer(text))

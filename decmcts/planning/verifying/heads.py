@@ -15,7 +15,7 @@ from decmcts.formats.mesh import is_mesh
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.verifying.held import Held
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Head, Machine
+from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.pieces import epochs_of_source, parted_source
 from sim.content.same_print import is_other_print
@@ -25,7 +25,7 @@ from sim.files.tower import read_without_tower
 from sim.heads.changes import as_planned, without_changes
 from sim.heads.file import HeadFile, header_of, is_cut, read_head_file
 from sim.heads.plan import plan_of_files
-from sim.heads.together import verify_heads
+from sim.heads.together import verify_heads_on
 from sim.rules.order_rules import usual_rules
 from sim.verify import verify_plan
 
@@ -78,13 +78,7 @@ def judge_heads(
     job, document = parted.job, parted.text(document)
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
-    machine = plan.machine
-    heads = [machine.head(actions.head) for actions in plan.plan.heads]
-    verdict = verify_heads(
-        files, plan.plan, job, document, parks=[head.park for head in heads],
-        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
-        idles=[head.idle for head in heads],
-    )  # fmt: skip
+    verdict = verify_heads_on(plan.machine, files, plan.plan, job, document)
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
 
@@ -102,19 +96,17 @@ def judge_heads_alone(
     paths, named = ordered(paths)
     files = [read_head_file(path, chosen.words) for path in paths]
     refuse_cut(files)
-    names = {head.name: k for k, head in enumerate(chosen.heads)}
+    names = [head.name for head in chosen.heads]
     faults = misnamed(paths, named, chosen)
     if sorted(file.name for file in files) != sorted(names):
         there, due = ", ".join(file.name for file in files), ", ".join(names)
         text = f"there are files of heads {there}; machine {chosen.name} has {due}"
         text += "" if machine else " (another is named with --machine)"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
-    heads = [chosen.heads[names[file.name]] for file in files]
     rules = held.over(usual_rules(chosen)) if held.any_rule else None
     judge = partial(
-        _judge_alone, paths, files, machine=chosen, heads=heads, rules=rules, seed=seed,
-        trials=trials,
-    )  # fmt: skip
+        _judge_alone, paths, files, machine=chosen, rules=rules, seed=seed, trials=trials
+    )
     found = judge(source=(job, document))
     for taken in () if found.ok else _taken_otherwise(job, document):
         found = min(judge(source=taken), found, key=lambda verdict: len(verdict.faults))
@@ -133,7 +125,7 @@ def _taken_otherwise(
 
 def _judge_alone(
     paths: Sequence[Path], files: Sequence[HeadFile], *, source: tuple[PrintJob, GcodeDocument],
-    machine: Machine, heads: Sequence[Head], rules: OrderRules | None, seed: int, trials: int,
+    machine: Machine, rules: OrderRules | None, seed: int, trials: int,
 ) -> Verdict:  # fmt: skip
     """Verify files of heads against one reading of their source."""
     job, document = source
@@ -143,11 +135,7 @@ def _judge_alone(
     # Its times are made up. How near signals are is judged by the files' own lines, below.
     made_up = replace(plan, machine=replace(plan.machine, signal_interval_s=0.0))
     verdict = verify_plan(made_up, source=job, rules=rules, trials=trials, seed=seed)
-    more = verify_heads(
-        paths, plan.plan, job, document, parks=[head.park for head in heads],
-        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
-        idles=[head.idle for head in heads], read=True,
-    )  # fmt: skip
+    more = verify_heads_on(machine, paths, plan.plan, job, document, read=True)
     every = (*altered, *verdict.faults, *more.faults)
     checked = (*verdict.checked[:1], WITHOUT_PLAN)
     counts = {**verdict.counts, **more.counts}

@@ -34,7 +34,7 @@ from sim.heads.together import (
     Walked,
     judge_together,
     unreadable,
-    verify_heads,
+    verify_heads_on,
     walk_file,
 )
 
@@ -211,10 +211,5 @@ def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdic
     plan, altered = plan_of_files(files, given.job, machine)
     if is_other_print(altered):
         return Verdict(tuple(altered))
-    heads = [machine.head(actions.head) for actions in plan.plan.heads]
-    verdict = verify_heads(
-        drafts, plan.plan, given.job, given.document, parks=[head.park for head in heads],
-        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
-        idles=[head.idle for head in heads], read=True,
-    )  # fmt: skip
+    verdict = verify_heads_on(machine, drafts, plan.plan, given.job, given.document, read=True)
     return Verdict((*altered, *verdict.faults))

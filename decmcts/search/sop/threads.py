@@ -286,24 +286,24 @@ class TwoThreads:
             reduced, possible = self.assignment.reduced, self.precedence.possible
             self._steps = NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
         steps, long, state = self._steps, number > 0, seeded(2 * self.seed + number)
-        by_elites = self.parts.elites and not steps.are_distances
-
         shares, graph = self.parts.shares, self.incumbent.problem.graph
-        luby = LubyAnnealer(
-            bare=steps.bare(self.costs, graph), shares=shares, state=state, scale=steps.scale,
-            long=long, last_share=0.0 if by_elites else _BEFORE_WINDOWS,
-        )  # fmt: skip
-        luby.begin(self.incumbent, FIRST)
-        if not by_elites:
-            if not self.parts.windows:
-                luby.last_share = ALL
-            return luby
+
+        def luby(last_share: float) -> LubyAnnealer:
+            made = LubyAnnealer(
+                bare=steps.bare(self.costs, graph), shares=shares, state=state, scale=steps.scale,
+                long=long, last_share=last_share,
+            )  # fmt: skip
+            made.begin(self.incumbent, FIRST)
+            return made
+
+        if steps.are_distances or not self.parts.elites:
+            return luby(_BEFORE_WINDOWS if self.parts.windows else ALL)
         elites = EliteAnnealer(
             bare=steps.bare(self.costs, graph), shares=shares, state=state, steps=steps,
             least_gain=self.least_gain, long=long,
         )  # fmt: skip
         elites.begin(self.incumbent, LEAST)
-        return elites if long or not self.parts.luby else TurnsThread((luby, elites))
+        return elites if long or not self.parts.luby else TurnsThread((luby(0.0), elites))
 
 
 @dataclass(slots=True)

@@ -12,7 +12,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.motion import filament_time
 from decmcts.print.plan import ActionKind, HeadActions
-from decmcts.print.stands import primed_before, stands_of
+from decmcts.print.stands import practice_of, primed_before, stands_of
 
 Floats = NDArray[np.float64]
 
@@ -23,11 +23,9 @@ def idle_seconds(actions: HeadActions, h: int, job: PrintJob, machine: Machine) 
     prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
     if not len(prints):
         return more
-    tool = int(job.contours.tool[actions.contour[prints[0]]])
-    practice, settings = head.idle.over(job.practice(tool)), job.settings.for_tool(tool)
-    usual = deep = settings.retract_mm
-    if not settings.firmware_retraction:
-        deep = max(deep, practice.retract_mm)
+    practice, settings = practice_of(actions, job, head.idle)
+    usual = settings.retract_mm
+    deep = max(usual, practice.retract_mm)
     stands = stands_of(actions, h, job.contours.epoch, head.idle.after_s)
     pulled = np.zeros(len(actions), np.bool_)
     pulled[prints[np.searchsorted(prints, list(stands))]] = True
