@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,7 +91,8 @@ def hides(values: NDArray[np.float64]) -> float:
     return both[0]
 
 
-STORE = Store(Path("nowhere"))
+FOLDER = TemporaryDirectory()
+STORE = Store(Path(FOLDER.name))
 inner, handed = Kernel(reads, STORE), Kernel(returns, STORE)
 
 

@@ -35,8 +35,8 @@ def machine_with(kind: str, **fields: Any) -> Machine:
 
 
 def texts(kind: str) -> dict[str, str]:
-    found = {path.name: path.read_text() for path in (ROOT / kind).iterdir()}
-    return {name: text for name, text in found.items() if name.endswith((".g", ".cfg"))}
+    macros = (path for path in (ROOT / kind).iterdir() if path.suffix in (".g", ".cfg"))
+    return {path.name: path.read_text() for path in macros}
 
 
 def written(folder: Path, kind: str) -> Made:
