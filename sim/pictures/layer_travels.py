@@ -22,7 +22,9 @@ Floats = NDArray[np.float64]
 class Travels:
     """The travels of all heads: each is what lies between two contours a head prints.
 
-    Waits in between are part of it; the way to the park at the end is none.
+    Waits in between are part of it; the way to the park at the end is none. Where a head does
+    nothing between two contours there is no travel, though they may lie apart: so the source's
+    order is told in the pieces of a cut print, whose joints no head ever moved along.
     """
 
     head: NDArray[np.int64]  # (k,) index of the head
@@ -101,7 +103,7 @@ def _of_head(
     layer = layer_of[actions.contour[prints]]
     before = np.append(-1, layer[:-1]) if len(prints) else layer
     made = along[last] - along[first]
-    kept = made > 0.0
+    kept = (made > 0.0) & (np.diff(prints, prepend=-1) > 1)
     columns = (
         np.full(len(prints), index), first, last, layer, layer == before, made,
         both_ends(actions, first, last),

@@ -20,6 +20,7 @@ from decmcts.formats.machines.rail_family import rail_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Event, Note, unheard
 from decmcts.planning.options import Cut, Freedom, Limits, Rules, TeamSearch
+from decmcts.planning.problem.by_pieces import before_by_pieces
 from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.problem.source import read_source
 from decmcts.planning.read import read
@@ -44,6 +45,8 @@ from sim.content.welds import welds_of
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
 from sim.pictures.layer_pieces import draw_pieces
+from sim.pictures.layer_travels import travels_of
+from sim.pictures.report.saving import saving_of
 from sim.verify import verify_plan
 from tests.conftest import opened
 from tests.planning.conftest import Agents
@@ -296,6 +299,15 @@ def test_files_of_a_cut_print_hold_the_source_s_path(
     inside = np.ones(len(step), np.bool_)
     inside[contours.offsets[1:-1] - 1] = False
     assert length == pytest.approx(np.linalg.norm(step[inside], axis=1).sum(), abs=0.05)
+
+
+def test_joints_of_pieces_are_no_travels_of_the_source(result: Result) -> None:
+    """Pictures show by layer what the source travelled, though they draw it in pieces."""
+    planned = result.planned
+    pieces = before_by_pieces(planned.before, planned.after)
+    told = saving_of(pieces, planned.after)["by_layer"]["before"]
+    moved = travels_of(planned.before).length_mm.sum()
+    assert sum(told) == pytest.approx(moved, rel=0.01)
 
 
 def test_views_have_the_source_beside_the_pieces(result: Result, tmp_path: Path) -> None:
