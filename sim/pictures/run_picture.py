@@ -13,7 +13,7 @@ from sim.controllers.program import StopKind
 from sim.controllers.simulate import Simulation
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 
-WAITS, TRAVELS = "#d62728", "#bbbbbb"
+WAITS, TRAVELS, STANDS = "#d62728", "#bbbbbb", "#f2cf5b"
 SLOTS = 1200  # spans of time of which each shows what a head does most
 
 
@@ -42,11 +42,12 @@ def draw_run(path: Path | str, simulation: Simulation) -> None:
         axes[0].set_ylim(len(names) - 0.5, -0.5)
         axes[0].set_title(f"{end / 60.0:,.1f} min", loc="left")
         handles: list[Any] = [
-            Patch(color=TRAVELS, label="travels"), Patch(color=WAITS, label="waits")
+            Patch(color=TRAVELS, label="travels"), Patch(color=WAITS, label="waits"),
+            Patch(color=STANDS, label="dwells or is heated"),
         ]  # fmt: skip
         if simulation.trials[0].on_print:
             handles.append(axes[0].lines[0])
-        axes[0].legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3,
+        axes[0].legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4,
                        frameon=False)  # fmt: skip
         if several:
             _draw_gaps(axes[1], simulation, names, end / 60.0)
@@ -62,10 +63,12 @@ def _draw_head(axis: Any, simulation: Simulation, h: int, minutes: float) -> Non
     prints = program.prints
     zero, edges = simulation.begin_s, np.linspace(0.0, minutes * 60.0, SLOTS + 1)
     waits = program.stops.kind == StopKind.WAIT
+    stands = np.isin(program.stops.kind, (StopKind.DWELL, StopKind.HEAT))
     spans = [
         (run.begin[prints], run.end[prints], head_colour(h, len(simulation.heads))),
         (run.begin[~prints], run.end[~prints], TRAVELS),
         (run.reached[waits], run.left[waits], WAITS),
+        (run.reached[stands], run.left[stands], STANDS),
     ]
     busy = np.array([_busy(begin - zero, end - zero, edges) for begin, end, _ in spans])
     most = np.where(busy.max(axis=0) > 0.0, busy.argmax(axis=0), -1)

@@ -267,7 +267,7 @@ def nearest_lines(found: Simulated) -> list[str]:
     lines = []
     for k, pair in enumerate(near.heads for near in simulation.trials[0].near):
         nearest = min((trial.near[k] for trial in simulation.trials), key=lambda near: near.gap_mm)
-        rail = min(trial.near[k].rail_mm for trial in simulation.trials)
+        rail = round(min(trial.near[k].rail_mm for trial in simulation.trials), 2) + 0.0  # no -0
         which = " and ".join(names[h] for h in pair)
         if math.isfinite(nearest.gap_mm):
             lines.append(f"{which}: {nearest.gap_mm:.2f} mm apart at least")

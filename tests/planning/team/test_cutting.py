@@ -310,6 +310,19 @@ def test_joints_of_pieces_are_no_travels_of_the_source(result: Result) -> None:
     assert sum(told) == pytest.approx(moved, rel=0.01)
 
 
+def test_no_head_waits_within_a_bead_without_retracting(result: Result, tmp_path: Path) -> None:
+    """Pieces that follow one another are one bead, but for where the head waits for another."""
+    waits = 0
+    for path in result.write_gcode(tmp_path / "part").paths:
+        pushed = [(line, "E" in line and "E-" not in line and " X" in line)
+                  for line in path.read_text().splitlines()
+                  if line.startswith(("G1 ", "SYNC_WAIT"))]  # fmt: skip
+        for before, (line, _), behind in zip(pushed, pushed[1:], pushed[2:], strict=False):
+            waits += line.startswith("SYNC_WAIT")
+            assert not (line.startswith("SYNC_WAIT") and before[1] and behind[1]), line
+    assert waits > 10
+
+
 def test_views_have_the_source_beside_the_pieces(result: Result, tmp_path: Path) -> None:
     """The source's own order is drawn piece by piece, each in the time its contour takes."""
     result.write_report(tmp_path / "report.html")

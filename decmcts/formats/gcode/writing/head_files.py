@@ -456,10 +456,12 @@ class _HeadFile:
     def _retract_for(self, k: int) -> None:
         """Retract for action k before others may count on this head's way being clear.
 
-        One that is going to rest retracts here too, for it must not wipe back later.
+        One that is going to rest retracts here too, for it must not wipe back later. So does one
+        that waits for others before it goes on with the same bead: nobody knows for how long.
         """
         ahead = self.kinds[k : k + 2]
-        if ahead[:1] == [_WAIT] or ahead == [_TRAVEL, _WAIT]:
+        waits = ahead[:1] == [_PRINT] and (self.index, k) in self.points.waits
+        if waits or ahead[:1] == [_WAIT] or ahead == [_TRAVEL, _WAIT]:
             self.emitter.retract()
         if ahead[:1] in ([_TRAVEL], [_PARK]):
             self.emitter.retract_for(self._path(k))
