@@ -13,7 +13,7 @@ from sim.controllers.program import StopKind
 from sim.controllers.simulate import Simulation
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 
-WAITS, TRAVELS, STANDS = "#d62728", "#bbbbbb", "#f2cf5b"
+WAITS, TRAVELS, STANDS = "#d62728", "#bbbbbb", "#444444"
 SLOTS = 1200  # spans of time of which each shows what a head does most
 
 
