@@ -35,6 +35,7 @@ from decmcts.planning.team.cutting import Swept, best_sweep
 from decmcts.planning.team.idling import with_idling
 from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
+from decmcts.planning.team.narrow import narrow_note
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -132,6 +133,7 @@ def prepared(
     if writes:
         refuse_for_heads(problem.document, problem.job, problem.machine)
         problem = with_note(problem, unprimed_note(problem.document))
+    problem = with_note(problem, narrow_note(problem.job, problem.machine))
     with named(problem.path):
         _refuse_shut_in(problem.job, problem.machine)
     refuse_unsound(problem, before)
