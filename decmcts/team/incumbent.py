@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.joint import Units
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import as_stated

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from decmcts._kernels.engine.rooms import TOUCH
 from decmcts.print.machine import Machine
 from decmcts.team.bounds.rail_bound import Held, whole_of
+from decmcts.team.engine.rooms_kernels import TOUCH
 from decmcts.team.engine.space import relation_of
 
 CELL_MM = 1.0  # that they are rounded to; cells double until there are few enough

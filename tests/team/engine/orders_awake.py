@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from decmcts._kernels.engine import dispatch
-from decmcts._kernels.engine.lags import Lags
+from decmcts.print.lags_kernels import Lags
+from decmcts.team.engine import dispatch_kernels as dispatch
 from decmcts.team.engine.plans import encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
