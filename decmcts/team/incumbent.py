@@ -71,7 +71,7 @@ class Incumbent:
         return self.orders > 0 and self._budget.stopping.ends(self.seconds, self.orders)
 
     def offer(self, units: Units) -> float:
-        """Keep the order that units were put in if it is the best; returns its makespan."""
+        """Keep the order that units were placed in if it is the best; returns its makespan."""
         makespan = float(units.end[: int(units.used[0])].max(initial=0.0))
         better = self._counted(makespan)
         if better:

@@ -25,7 +25,7 @@ from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits, all_pa
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.replay_kernels import Marks, mark, restore
-from decmcts.team.engine.rooms_kernels import Fleet, travel_seconds
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 from tests.makers.random_machines import random_machine, random_print
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -51,7 +51,7 @@ class Order:
 
 
 def order_of(units: Units) -> Order:
-    """Return the joint order in which units were put."""
+    """Return the joint order in which units were placed."""
     stated = stated_of(units)
     n = len(stated.order)
     head, is_reversed = np.empty(n, np.int64), np.empty(n, np.bool_)

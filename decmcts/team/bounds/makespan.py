@@ -201,7 +201,7 @@ def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int
     begin = np.where(is_reversed, spent[last] - spent[vertex], spent[vertex] - spent[first])
     is_last = np.diff(choice, append=-1) != 0
     end = np.where(is_last, spent[last] - spent[first], np.roll(begin, -1))
-    low, high = pieces.room[:, 2 * axis], pieces.room[:, 2 * axis + 1]
+    low, high = pieces.space[:, 2 * axis], pieces.space[:, 2 * axis + 1]
     return Held(low, high, end - begin, choice)
 
 

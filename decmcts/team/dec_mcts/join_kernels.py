@@ -16,13 +16,13 @@ from decmcts.team.dec_mcts.windows_kernels import (
     Window,
     copy_window,
     latest_end,
-    put_window,
+    place_window,
     undo,
     update_tails,
 )
 from decmcts.team.engine.joint_kernels import Heads, Units, Visits
 from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, link, replay
-from decmcts.team.engine.rooms_kernels import Fleet
+from decmcts.team.engine.spaces_kernels import Fleet
 
 
 @inlined
@@ -53,10 +53,10 @@ def join(
         before = lateness(end, fleet, marks)
         mine = copy_window(begin, end, joint)
         other = Window(order[begin:end], head[begin:end], is_reversed[begin:end])
-        put_window(begin, other, joint, marks)
+        place_window(begin, other, joint, marks)
         better = replay(end, joint, visits, fleet, units, heads, marks)
         if not better or lateness(end, fleet, marks) >= before:
-            put_window(begin, mine, joint, marks)
+            place_window(begin, mine, joint, marks)
     found = np.inf
     if there:
         link(joint, marks.free.shape[1])

@@ -28,8 +28,8 @@ from decmcts.team.dec_mcts.windows_kernels import (
     with_lateness,
 )
 from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits, end_of
-from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, put_turns, replay
-from decmcts.team.engine.rooms_kernels import Fleet, travel_seconds
+from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, place_turns, replay
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
 SHORTEST, LONGEST = 20, 400  # turns of a window
 MARGIN = 20  # turns behind a move that are carried out to judge it
@@ -229,7 +229,7 @@ def evaluate_trial(
     for k in range(end - begin):
         ended[k] = heads.ended[moves.trial[begin + k]]
     begin_trial(begin, units, heads, marks)
-    change = put_turns(
+    change = place_turns(
         moves.trial, begin, end, begin, top, most, joint, visits, fleet, units, heads, marks
     )
     change = with_lateness(change, annealing.lateness_weight, end, heads, marks)

@@ -52,7 +52,7 @@ from decmcts.team.engine.replay_kernels import (
     link,
     replay,
 )
-from decmcts.team.engine.rooms_kernels import Fleet
+from decmcts.team.engine.spaces_kernels import Fleet
 
 SHORTEST, LONGEST = 100, 1500  # turns of a window
 TRIES = 10  # policies for each
@@ -97,11 +97,11 @@ def open_window(
         if heads.last[r] != NONE:
             pool.last_contour[r] = units.contour[heads.last[r]]
     for c in contours:
-        pool.put[c] = False
+        pool.placed[c] = False
     for c in contours:
         pool.missing[c] = 0
         for e in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
-            if not pool.put[visits.preds[e]]:
+            if not pool.placed[visits.preds[e]]:
                 pool.missing[c] += 1
         if pool.missing[c] == 0:
             pool.ready[c] = ready_at(c, visits, heads)
@@ -132,7 +132,7 @@ def dispatch_window(
     for turn in range(begin, end):
         r, c, back, start = next_print(visits, fleet, guide.policy, units, heads, pool)
         if c == NONE:
-            while pool.put[contours[left]]:
+            while pool.placed[contours[left]]:
                 left += 1
             c = contours[left]
             while not guide.policy.eligible[c, r]:
@@ -165,7 +165,7 @@ def best_of_tries(
             begin, contours, least + GIVEN_UP, visits, fleet, units, heads, marks, guide
         )
         for c in contours:
-            guide.pool.put[c] = True
+            guide.pool.placed[c] = True
         if later < least:
             least = later
             for turn in range(begin, end):
@@ -198,7 +198,7 @@ def recreate(
     Mutates all but visits, fleet. `makespan` is that of the order now.
     """
     n, left = len(joint.order), windows
-    guide.pool.put[:] = True
+    guide.pool.placed[:] = True
     while left > 0:
         if not update_tails(joint, visits, fleet, units, heads, marks):
             return np.inf

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from decmcts.compiled import kernel
 from decmcts.team.engine.joint_kernels import NONE, Units, Visits
 from decmcts.team.engine.replay_kernels import Marks
-from decmcts.team.engine.rooms_kernels import Fleet, travel_seconds
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 from decmcts.team.engine.waits_kernels import AT_END, find_waits
 
 

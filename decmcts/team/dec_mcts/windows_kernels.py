@@ -15,7 +15,7 @@ from decmcts.random_kernels import below, log_uniform
 from decmcts.team.dec_mcts.tails_kernels import find_tails
 from decmcts.team.engine.joint_kernels import Heads, Units, Visits
 from decmcts.team.engine.replay_kernels import JointOrder, Marks, link, replay, restore
-from decmcts.team.engine.rooms_kernels import Fleet, travel_seconds
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
 GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
 CONTOURS_A_WINDOW = 1_000  # contours of an order for each window of a batch
@@ -100,7 +100,7 @@ def copy_window(begin: int, end: int, joint: JointOrder) -> Window:
 
 
 @inlined
-def put_window(begin: int, window: Window, joint: JointOrder, marks: Marks) -> None:
+def place_window(begin: int, window: Window, joint: JointOrder, marks: Marks) -> None:
     """Write turns from `begin` on, of the same contours (mutates joint, marks).
 
     Turns and neighbours of contours are found anew by `link`.
@@ -115,7 +115,7 @@ def put_window(begin: int, window: Window, joint: JointOrder, marks: Marks) -> N
 @inlined
 def undo(begin: int, kept: Window, joint: JointOrder, marks: Marks) -> None:
     """Let turns from `begin` on be as they were (mutates joint, marks)."""
-    put_window(begin, kept, joint, marks)
+    place_window(begin, kept, joint, marks)
     link(joint, marks.free.shape[1])
 
 

@@ -23,52 +23,52 @@ from decmcts.team.engine.joint_kernels import (
     Units,
     Visits,
     end_of,
-    put_print,
-    put_travel,
+    place_print,
+    place_travel,
 )
-from decmcts.team.engine.rooms_kernels import (
+from decmcts.team.engine.spaces_kernels import (
     TOUCH,
     Fleet,
-    Room,
-    join_rooms,
-    keep_room,
-    room_at,
-    room_of_point,
-    room_of_travel,
+    Space,
+    join_spaces,
+    keep_space,
+    space_at,
+    space_of_point,
+    space_of_travel,
     too_near,
 )
 
 
 @kernel
 def clear_position(
-    room: Room,
-    rest: Room,
+    space: Space,
+    rest: Space,
     r: int,
     s: int,
     axis: int,
     sign: int,
     fleet: Fleet,
 ) -> float:
-    """Where along an axis head s, now in `rest`, is clear of head r anywhere in `room`."""
+    """Where along an axis head s, now in `rest`, is clear of head r anywhere in `space`."""
     pair = r * len(fleet.parks) + s
     goal: float = rest[2 * axis]
     for k in range(fleet.relation_offsets[pair], fleet.relation_offsets[pair + 1]):
         box = fleet.relation[k]
         other, beside = 1 - axis, True
         for a in (other, 2):
-            low, high = rest[2 * a] - room[2 * a + 1], rest[2 * a + 1] - room[2 * a]
+            low, high = rest[2 * a] - space[2 * a + 1], rest[2 * a + 1] - space[2 * a]
             if low >= box[2 * a + 1] - TOUCH or high <= box[2 * a] + TOUCH:
                 beside = False
         if beside and sign > 0:
-            goal = max(goal, room[2 * axis + 1] + box[2 * axis + 1])
+            goal = max(goal, space[2 * axis + 1] + box[2 * axis + 1])
         elif beside:
-            goal = min(goal, room[2 * axis] + box[2 * axis])
+            goal = min(goal, space[2 * axis] + box[2 * axis])
     return goal
 
 
 @kernel
 def push(
-    room: Room,
+    space: Space,
     r: int,
     s: int,
     axis: int,
@@ -82,17 +82,17 @@ def push(
     """Write to `goals` and `goes` where s must go, and all it pushes on; False: too far."""
     heads = len(at)
     goals[:], goes[:] = at, False
-    goals[s, axis] = clear_position(room, room_at(rest, s), r, s, axis, sign, fleet)
+    goals[s, axis] = clear_position(space, space_at(rest, s), r, s, axis, sign, fleet)
     goes[s] = True
     for _ in range(heads):
         for u in range(heads):
             if not goes[u]:
                 continue
-            path = room_of_travel(at[u], goals[u], fleet.ceiling)
+            path = space_of_travel(at[u], goals[u], fleet.ceiling)
             for t in range(heads):
                 if t in (u, r):
                     continue
-                resting = room_at(rest, t)
+                resting = space_at(rest, t)
                 far = clear_position(path, resting, u, t, axis, sign, fleet)
                 if too_near(path, resting, u, t, fleet) and (far - goals[t, axis]) * sign > TOUCH:
                     goals[t, axis], goes[t] = far, True
@@ -120,7 +120,7 @@ def next_to_go(
 
 @kernel
 def try_push(
-    room: Room,
+    space: Space,
     r: int,
     axis: int,
     sign: int,
@@ -141,13 +141,13 @@ def try_push(
         if t < 0:
             return moved
         goes[t] = False
-        path = room_of_travel(at[t], goals[t], fleet.ceiling)
+        path = space_of_travel(at[t], goals[t], fleet.ceiling)
         for u in range(len(at)):
-            if u != t and too_near(path, room_at(rest, u), t, u, fleet):
+            if u != t and too_near(path, space_at(rest, u), t, u, fleet):
                 return -1
         at[t] = goals[t]
-        keep_room(room_of_point(at[t], fleet.ceiling), rest, t)
-        if too_near(room, room_at(rest, t), r, t, fleet):
+        keep_space(space_of_point(at[t], fleet.ceiling), rest, t)
+        if too_near(space, space_at(rest, t), r, t, fleet):
             return -1
         steps[moved, 0] = t
         steps[moved, 1:] = at[t]
@@ -156,14 +156,14 @@ def try_push(
 
 @kernel
 def find_steps_aside(
-    room: Room,
+    space: Space,
     r: int,
     at: NDArray[np.float64],
     rest: NDArray[np.float64],
     fleet: Fleet,
     steps: NDArray[np.float64],
 ) -> int:
-    """Move heads aside until `room` of head r is clear (mutates at, rest); how many, -1: no path.
+    """Move heads aside until `space` of head r is clear (mutates at, rest); how many, -1: no path.
 
     `steps` (heads * heads, 4) gets who goes where, one after the other. Of the
     directions along x and y each takes the one with the shortest paths of all.
@@ -173,18 +173,18 @@ def find_steps_aside(
     best_at, best_rest = np.empty((heads, 3)), np.empty((heads, 6))
     tried, best_steps = np.empty((heads, 4)), np.empty((heads, 4))
     for s in range(heads):
-        if s == r or not too_near(room, room_at(rest, s), r, s, fleet):
+        if s == r or not too_near(space, space_at(rest, s), r, s, fleet):
             continue
         least, best = np.inf, -1
         for axis in range(2):
             for sign in (-1, 1):
-                if not push(room, r, s, axis, sign, at, rest, fleet, goals, goes):
+                if not push(space, r, s, axis, sign, at, rest, fleet, goals, goes):
                     continue
                 length = np.abs(goals - at).sum()
                 if length >= least:
                     continue
                 there, resting = at.copy(), rest.copy()
-                moved = try_push(room, r, axis, sign, goals, goes, there, resting, fleet, tried)
+                moved = try_push(space, r, axis, sign, goals, goes, there, resting, fleet, tried)
                 if moved > 0:
                     least, best = length, moved
                     best_at[:], best_rest[:], best_steps[:] = there, resting, tried
@@ -202,10 +202,10 @@ def next_home(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) 
     for t in range(len(at)):
         if np.all(at[t] == fleet.parks[t]):
             continue
-        path = room_of_travel(at[t], fleet.parks[t], fleet.ceiling)
+        path = space_of_travel(at[t], fleet.parks[t], fleet.ceiling)
         clear = True
         for u in range(len(at)):
-            if u != t and too_near(path, room_at(rest, u), t, u, fleet):
+            if u != t and too_near(path, space_at(rest, u), t, u, fleet):
                 clear = False
                 break
         if clear:
@@ -224,7 +224,7 @@ def is_safe(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) ->
         if t < 0:
             return bool(np.all(there == fleet.parks))
         there[t] = fleet.parks[t]
-        keep_room(room_of_point(there[t], -np.inf), resting, t)
+        keep_space(space_of_point(there[t], -np.inf), resting, t)
 
 
 @apart
@@ -234,17 +234,17 @@ def return_all(visits: Visits, fleet: Fleet, units: Units, heads: Heads) -> bool
         t = next_home(heads.at, heads.rest, fleet)
         if t < 0:
             return bool(np.all(heads.at == fleet.parks))
-        put_travel(t, UNIT_PARK, fleet.parks[t], visits, fleet, units, heads)
+        place_travel(t, UNIT_PARK, fleet.parks[t], visits, fleet, units, heads)
 
 
 @inlined
-def room_for(
+def space_for(
     r: int, c: int, is_reversed: bool, at: NDArray[np.float64], visits: Visits, fleet: Fleet
-) -> Room:
+) -> Space:
     """Space that head r reserves to go from where it stands, `at` (heads, 3), and print c."""
     side = 1 if is_reversed else 0
-    path = room_of_travel((at[r, 0], at[r, 1], at[r, 2]), end_of(c, side, visits), fleet.ceiling)
-    return join_rooms(path, room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side]))
+    path = space_of_travel((at[r, 0], at[r, 1], at[r, 2]), end_of(c, side, visits), fleet.ceiling)
+    return join_spaces(path, space_at(visits.pieces.space, visits.pieces.offsets[2 * c + side]))
 
 
 @kernel
@@ -253,23 +253,23 @@ def path_from_parks(r: int, c: int, visits: Visits, fleet: Fleet) -> bool:
     heads = len(fleet.parks)
     at, rest = fleet.parks.copy(), np.empty((heads, 6))
     for t in range(heads):
-        keep_room(room_of_point(at[t], -np.inf), rest, t)
-    room = room_for(r, c, False, at, visits, fleet)
-    if find_steps_aside(room, r, at, rest, fleet, np.empty((heads * heads, 4))) < 0:
+        keep_space(space_of_point(at[t], -np.inf), rest, t)
+    space = space_for(r, c, False, at, visits, fleet)
+    if find_steps_aside(space, r, at, rest, fleet, np.empty((heads * heads, 4))) < 0:
         return False
     for end in range(2):
         at[r] = visits.ends[c, end]
-        keep_room(room_of_point(at[r], -np.inf), rest, r)
+        keep_space(space_of_point(at[r], -np.inf), rest, r)
         if not is_safe(at, rest, fleet):
             return False
     return True
 
 
 @inlined
-def is_in_way(r: int, room: Room, rest: NDArray[np.float64], fleet: Fleet) -> bool:
-    """Whether some other head rests where head r needs `room`."""
+def is_in_way(r: int, space: Space, rest: NDArray[np.float64], fleet: Fleet) -> bool:
+    """Whether some other head rests where head r needs `space`."""
     for s in range(len(rest)):
-        if s != r and too_near(room, room_at(rest, s), r, s, fleet):
+        if s != r and too_near(space, space_at(rest, s), r, s, fleet):
             return True
     return False
 
@@ -279,19 +279,19 @@ def step_aside(
     r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
     """Let heads step aside so that r can print c (mutates units, heads); False: no safe path."""
-    room = room_for(r, c, is_reversed, heads.at, visits, fleet)
+    space = space_for(r, c, is_reversed, heads.at, visits, fleet)
     at, rest = heads.at.copy(), heads.rest.copy()
     steps = np.empty((len(at) * len(at), 4))
-    count = find_steps_aside(room, r, at, rest, fleet, steps)
+    count = find_steps_aside(space, r, at, rest, fleet, steps)
     if count < 0:
         return False
     if not fleet.lined:
         at[r] = visits.ends[c, 0 if is_reversed else 1]
-        keep_room(room_of_point(at[r], -np.inf), rest, r)
+        keep_space(space_of_point(at[r], -np.inf), rest, r)
         if not is_safe(at, rest, fleet):
             return False
     for k in range(count):
-        put_travel(int(steps[k, 0]), UNIT_ASIDE, steps[k, 1:], visits, fleet, units, heads)
+        place_travel(int(steps[k, 0]), UNIT_ASIDE, steps[k, 1:], visits, fleet, units, heads)
     return True
 
 
@@ -303,12 +303,12 @@ def print_next(
 
     False: not even with all others parked. All that supports c must have been placed.
     """
-    room = room_for(r, c, is_reversed, heads.at, visits, fleet)
-    possible = (fleet.lined and not is_in_way(r, room, heads.rest, fleet)) or step_aside_or_park(
+    space = space_for(r, c, is_reversed, heads.at, visits, fleet)
+    possible = (fleet.lined and not is_in_way(r, space, heads.rest, fleet)) or step_aside_or_park(
         r, c, is_reversed, visits, fleet, units, heads
     )
     if possible:
-        put_print(r, c, is_reversed, visits, fleet, units, heads)
+        place_print(r, c, is_reversed, visits, fleet, units, heads)
     return possible
 
 

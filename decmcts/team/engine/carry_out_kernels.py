@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.compiled import inlined, kernel
-from decmcts.team.engine.aside_kernels import path_from_parks, print_next, return_all, room_for
+from decmcts.team.engine.aside_kernels import path_from_parks, print_next, return_all, space_for
 from decmcts.team.engine.joint_kernels import NONE, Units, Visits, all_parked, new_units
-from decmcts.team.engine.rooms_kernels import Fleet, travel_seconds
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
 OK, CONTRADICTED, SHUT_IN = 0, 1, 2
 
@@ -39,7 +39,7 @@ def with_capacity(units: Units, heads: int) -> Units:
     larger.head[:used], larger.kind[:used] = units.head[:used], units.kind[:used]
     larger.contour[:used] = units.contour[:used]
     larger.reversed[:used] = units.reversed[:used]
-    larger.target[:used], larger.room[:used] = units.target[:used], units.room[:used]
+    larger.target[:used], larger.space[:used] = units.target[:used], units.space[:used]
     larger.begin[:used], larger.end[:used] = units.begin[:used], units.end[:used]
     larger.before[:used] = units.before[:used]
     larger.used[0] = used
@@ -53,10 +53,10 @@ def units_for(n: int, heads: int) -> Units:
 
 
 @kernel
-def is_ready(c: int, put: NDArray[np.bool_], visits: Visits) -> bool:
+def is_ready(c: int, placed: NDArray[np.bool_], visits: Visits) -> bool:
     """Whether everything that supports contour c has been placed."""
     for k in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
-        if not put[visits.preds[k]]:
+        if not placed[visits.preds[k]]:
             return False
     return True
 
@@ -66,7 +66,7 @@ def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units
     """Place everything; returns the units and OK, CONTRADICTED (the precedence) or SHUT_IN."""
     heads, n = len(fleet.parks), len(sequences.order)
     units, state = units_for(n, heads), all_parked(len(visits.ends), fleet)
-    put = np.zeros(len(visits.ends), np.bool_)
+    placed = np.zeros(len(visits.ends), np.bool_)
     at = sequences.offsets[:-1].copy()
     by_turn = np.argsort(sequences.turns) if len(sequences.turns) else np.empty(0, np.int64)
     for i in range(n):
@@ -74,18 +74,18 @@ def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units
             row: int = by_turn[i]
             r = int(np.searchsorted(sequences.offsets, row, side="right")) - 1
         else:
-            r = soonest(at, sequences, put, visits, fleet, state.at, state.free)
+            r = soonest(at, sequences, placed, visits, fleet, state.at, state.free)
             if r == NONE:
                 return units, CONTRADICTED
             row = at[r]
             at[r] += 1
         c = sequences.order[row]
-        if not is_ready(c, put, visits):
+        if not is_ready(c, placed, visits):
             return units, CONTRADICTED
         units = with_capacity(units, heads)
         if not print_next(r, c, sequences.reversed[row], visits, fleet, units, state):
             return units, SHUT_IN
-        put[c] = True
+        placed[c] = True
     units = with_capacity(units, heads)
     return units, OK if return_all(visits, fleet, units, state) else SHUT_IN
 
@@ -94,7 +94,7 @@ def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units
 def soonest(
     at: NDArray[np.int64],
     sequences: Sequences,
-    put: NDArray[np.bool_],
+    placed: NDArray[np.bool_],
     visits: Visits,
     fleet: Fleet,
     where: NDArray[np.float64],
@@ -108,7 +108,7 @@ def soonest(
         c = sequences.order[at[r]]
         side = 1 if sequences.reversed[at[r]] else 0
         there = free[r] + travel_seconds(where[r], visits.ends[c, side], fleet.travel[r])
-        if there < best and is_ready(c, put, visits):
+        if there < best and is_ready(c, placed, visits):
             best, found = there, r
     return found
 
@@ -134,8 +134,8 @@ def is_let_in(
     where it ends, and neither depends on the other. `known` has the least begin and the greatest
     end that were possible, and the greatest begin and the least end that were not.
     """
-    room = room_for(r, c, False, fleet.parks, visits, fleet)
-    begin, end = room[2 * axis], room[2 * axis + 1]
+    space = space_for(r, c, False, fleet.parks, visits, fleet)
+    begin, end = space[2 * axis], space[2 * axis + 1]
     if begin <= known[2] or end >= known[3]:
         return False
     if begin >= known[0] and end <= known[1]:

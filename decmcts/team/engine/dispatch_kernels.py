@@ -26,7 +26,13 @@ from decmcts.team.engine.joint_kernels import (
     end_of,
     ready_at,
 )
-from decmcts.team.engine.rooms_kernels import Fleet, Point, room_at, room_of_travel, travel_seconds
+from decmcts.team.engine.spaces_kernels import (
+    Fleet,
+    Point,
+    space_at,
+    space_of_travel,
+    travel_seconds,
+)
 
 LATER = 1e-9  # seconds; what is nearer is now
 OPEN, NEWLY_READY = 0, 1  # of `Pool.counts`
@@ -62,7 +68,7 @@ class Pool(NamedTuple):
     first: NDArray[np.int64]  # (columns,) row of `column` that may still be to do
     missing: NDArray[np.int32]  # (n,) what supports it and was not placed
     ready: NDArray[np.float64]  # (n,) when it may begin, once nothing is missing
-    put: NDArray[np.bool_]  # (n,)
+    placed: NDArray[np.bool_]  # (n,)
     column_of: NDArray[np.int32]  # (n,)
     open: NDArray[np.int64]  # (columns,) those whose first may be ready, in no order
     is_open: NDArray[np.bool_]  # (columns,) whether among these
@@ -176,13 +182,13 @@ def nearer_end(
 def first_of(column: int, policy: Policy, pool: Pool) -> int:
     """First contour of a column not yet placed; NONE: all were (mutates pool)."""
     end = policy.column_offsets[column + 1]
-    while pool.first[column] < end and pool.put[policy.column[pool.first[column]]]:
+    while pool.first[column] < end and pool.placed[policy.column[pool.first[column]]]:
         pool.first[column] += 1
     return policy.column[pool.first[column]] if pool.first[column] < end else NONE
 
 
 @inlined
-def room_free_from(
+def space_free_from(
     r: int, u: int, back: bool, at: Point, start: float, visits: Visits, fleet: Fleet,
     units: Units, heads: Heads,
 ) -> float:  # fmt: skip
@@ -191,8 +197,8 @@ def room_free_from(
     By the units placed so far; units placed later can only make it later.
     """
     side = 1 if back else 0
-    path = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
-    held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
+    path = space_of_travel(at, end_of(u, side, visits), fleet.ceiling)
+    held = space_at(visits.pieces.space, visits.pieces.offsets[2 * u + side])
     clear = clear_from(r, path, start, visits, fleet, units, heads)
     both: float = clear_from(r, held, clear, visits, fleet, units, heads)
     return both
@@ -258,7 +264,7 @@ def choose(
             continue
         earliest = max(start, pool.ready[u] - there - PATIENCE * seconds)
         if earliest <= start + LATER:
-            earliest = room_free_from(r, u, back, at, start, visits, fleet, units, heads)
+            earliest = space_free_from(r, u, back, at, start, visits, fleet, units, heads)
         if earliest > start + LATER:
             pool.earliest[r, column], pool.earliest_row[r, column] = earliest, row
             wakes = min(wakes, earliest)
@@ -272,7 +278,7 @@ def choose(
 @kernel
 def first_left(lowest: int, pool: Pool) -> int:
     """Lowest contour not yet placed, from `lowest` on: all that supports it was placed."""
-    while pool.put[lowest]:
+    while pool.placed[lowest]:
         lowest += 1
     return lowest
 
@@ -296,7 +302,7 @@ def open_first(column: int, policy: Policy, pool: Pool) -> None:
 @inlined
 def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Pool) -> None:
     """Note that head r prints c (mutates pool)."""
-    pool.put[c], pool.last_contour[r] = True, c
+    pool.placed[c], pool.last_contour[r] = True, c
     pool.counts[NEWLY_READY] = 0
     for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
         s = policy.succs[k]

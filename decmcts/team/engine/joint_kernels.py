@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from decmcts.compiled import inlined, kernel
 from decmcts.print.lags_kernels import Lags
 from decmcts.team.engine.pieces_kernels import Pieces
-from decmcts.team.engine.rooms_kernels import (
+from decmcts.team.engine.spaces_kernels import (
     Fleet,
     Point,
-    Room,
-    keep_room,
-    room_at,
-    room_of_point,
-    room_of_travel,
+    Space,
+    keep_space,
+    space_at,
+    space_of_point,
+    space_of_travel,
     too_near,
     travel_seconds,
 )
@@ -56,7 +56,7 @@ class Units(NamedTuple):
     contour: NDArray[np.int32]  # (m,) NONE unless printed
     reversed: NDArray[np.bool_]  # (m,)
     target: NDArray[np.float64]  # (m, 3) where it ends
-    room: NDArray[np.float64]  # (m, 6)
+    space: NDArray[np.float64]  # (m, 6)
     begin: NDArray[np.float64]  # (m,) seconds
     end: NDArray[np.float64]  # (m,)
     before: NDArray[np.int64]  # (m,) unit before it on its head; NONE
@@ -96,20 +96,20 @@ def all_parked(n: int, fleet: Fleet) -> Heads:
     heads = len(fleet.parks)
     rest = np.empty((heads, 6))
     for r in range(heads):
-        keep_room(room_of_point(fleet.parks[r], -np.inf), rest, r)
+        keep_space(space_of_point(fleet.parks[r], -np.inf), rest, r)
     return Heads(np.full(heads, NONE), np.zeros(heads), fleet.parks.copy(), rest, np.zeros(n))
 
 
 @inlined
 def first_clear_piece(
-    u: int, room: Room, r: int, visits: Visits, fleet: Fleet, units: Units
+    u: int, space: Space, r: int, visits: Visits, fleet: Fleet, units: Units
 ) -> int:
-    """First piece of unit u that is clear of `room` of head r; NONE: only its end is."""
+    """First piece of unit u that is clear of `space` of head r; NONE: only its end is."""
     c = units.contour[u]
     if c != NONE:
         row = 2 * c + units.reversed[u]
         for k in range(visits.pieces.offsets[row] + 1, visits.pieces.offsets[row + 1]):
-            if not too_near(room, room_at(visits.pieces.room, k), r, units.head[u], fleet):
+            if not too_near(space, space_at(visits.pieces.space, k), r, units.head[u], fleet):
                 piece: int = k
                 return piece
     return NONE
@@ -118,22 +118,22 @@ def first_clear_piece(
 @inlined
 def clear_from(
     r: int,
-    room: Room,
+    space: Space,
     begin: float,
     visits: Visits,
     fleet: Fleet,
     units: Units,
     heads: Heads,
 ) -> float:
-    """When head r may have `room`, no sooner than `begin`, for all that was placed before.
+    """When head r may have `space`, no sooner than `begin`, for all that was placed before.
 
     Of each other head the latest unit that overlaps counts: it began after all others had ended.
     """
     for s in range(len(heads.free)):
         u = heads.last[s] if s != r else NONE
         while u != NONE and units.end[u] > begin:
-            if too_near(room, room_at(units.room, u), r, s, fleet):
-                k = first_clear_piece(u, room, r, visits, fleet, units)
+            if too_near(space, space_at(units.space, u), r, s, fleet):
+                k = first_clear_piece(u, space, r, visits, fleet, units)
                 clear = units.end[u]
                 if k != NONE:
                     share = visits.pieces.share[k]
@@ -145,14 +145,14 @@ def clear_from(
 
 
 @inlined
-def put(
+def place(
     r: int,
     kind: int,
     contour: int,
     is_reversed: bool,
     begin: float,
     end: float,
-    room: Room,
+    space: Space,
     target: Point,
     top: float,
     units: Units,
@@ -163,17 +163,17 @@ def put(
     units.used[0] += 1
     units.head[row], units.kind[row], units.contour[row] = r, kind, contour
     units.reversed[row] = is_reversed
-    keep_room(room, units.room, row)
+    keep_space(space, units.space, row)
     units.begin[row], units.end[row] = begin, end
     units.before[row] = heads.last[r]
     heads.last[r], heads.free[r] = row, end
     for axis in range(3):
         units.target[row, axis] = heads.at[r, axis] = target[axis]
-    keep_room(room_of_point(target, top), heads.rest, r)
+    keep_space(space_of_point(target, top), heads.rest, r)
 
 
 @inlined
-def put_travel(
+def place_travel(
     r: int,
     kind: int,
     target: Point,
@@ -186,12 +186,12 @@ def put_travel(
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
     if at[0] == target[0] and at[1] == target[1] and at[2] == target[2]:
         return
-    room = room_of_travel(at, target, fleet.ceiling)
-    begin = clear_from(r, room, heads.free[r], visits, fleet, units, heads)
+    space = space_of_travel(at, target, fleet.ceiling)
+    begin = clear_from(r, space, heads.free[r], visits, fleet, units, heads)
     end = begin + travel_seconds(at, target, fleet.travel[r])
     # one that steps aside may stay as high as it crossed
     top = fleet.ceiling if kind == UNIT_ASIDE else -np.inf
-    put(r, kind, NONE, False, begin, end, room, target, top, units, heads)
+    place(r, kind, NONE, False, begin, end, space, target, top, units, heads)
 
 
 @inlined
@@ -215,16 +215,16 @@ def end_of(c: int, side: int, visits: Visits) -> tuple[float, float, float]:
 
 
 @inlined
-def put_print(
+def place_print(
     r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> None:
     """Append travel and print of a contour (mutates units and heads); the path must be clear."""
     side = 1 if is_reversed else 0
-    put_travel(r, UNIT_TRAVEL, end_of(c, side, visits), visits, fleet, units, heads)
-    room = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])
+    place_travel(r, UNIT_TRAVEL, end_of(c, side, visits), visits, fleet, units, heads)
+    space = space_at(visits.pieces.space, visits.pieces.offsets[2 * c + side])
     begin = max(heads.free[r], ready_at(c, visits, heads))
-    begin = clear_from(r, room, begin, visits, fleet, units, heads)
+    begin = clear_from(r, space, begin, visits, fleet, units, heads)
     end = begin + visits.seconds[r, c]
     exit_ = end_of(c, 1 - side, visits)
-    put(r, UNIT_PRINT, c, is_reversed, begin, end, room, exit_, -np.inf, units, heads)
+    place(r, UNIT_PRINT, c, is_reversed, begin, end, space, exit_, -np.inf, units, heads)
     heads.ended[c] = end

@@ -26,13 +26,13 @@ from decmcts.team.engine.joint_kernels import Visits
 from decmcts.team.engine.macros import columns_of, cut_macros, part_of, part_progress
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.plans import StatedOrder
-from decmcts.team.engine.rooms_kernels import Fleet
 from decmcts.team.engine.space import (
     Space,
     build_space,
     fleet_of,
     printing_times,
 )
+from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.engine.start import Start, start_of
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from decmcts.compiled import apart, inlined, kernel
 from decmcts.team.engine.aside_kernels import print_next, return_all
 from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits
-from decmcts.team.engine.rooms_kernels import Fleet, travel_seconds
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
 
 class JointOrder(NamedTuple):
@@ -85,7 +85,7 @@ def later_by(turn: int, fleet: Fleet, heads: Heads, marks: Marks) -> float:
 
 
 @apart
-def put_turns(
+def place_turns(
     contours: NDArray[np.int64], begin: int, end: int, marks_to: int, top: int,
     most: float, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
     marks: Marks,
@@ -124,7 +124,7 @@ def replay(
     if begin >= end:
         return True
     restore(begin, units, heads, marks)
-    later = put_turns(
+    later = place_turns(
         joint.order, begin, end, end, n + 1, np.inf, joint, visits, fleet, units, heads,
         marks,
     )  # fmt: skip
@@ -146,7 +146,7 @@ def finish(
         return np.inf
     restore(begin, units, heads, marks)
     marks.known[0] = begin
-    later = put_turns(
+    later = place_turns(
         joint.order, begin, n, begin, n + 1, np.inf, joint, visits, fleet, units, heads,
         marks,
     )  # fmt: skip

@@ -36,8 +36,8 @@ from decmcts.team.engine.plans import (
 )
 from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.engine.rooms_kernels import Fleet
 from decmcts.team.engine.space import build_space, fleet_of
+from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.engine.start import changed_order
 
 FIRST = 100_000  # contours placed for an estimate by the first policies, about half a second's work

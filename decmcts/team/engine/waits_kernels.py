@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from decmcts.compiled import kernel
 from decmcts.print.lags_kernels import Lags
 from decmcts.team.engine.joint_kernels import NONE, UNIT_PRINT, Units, Visits, first_clear_piece
-from decmcts.team.engine.rooms_kernels import Fleet, join_rooms, keep_room, room_at, too_near
+from decmcts.team.engine.spaces_kernels import Fleet, join_spaces, keep_space, space_at, too_near
 
 CHUNK = 64  # units whose spaces are also kept joined, so that most can be passed over at once
 AT_END = -1
@@ -39,12 +39,12 @@ def latest_in_the_way(
     r, k = units.head[row], count - 1
     while k >= lowest:
         chunk = k // CHUNK
-        if not too_near(room_at(units.room, row), room_at(joined, chunk), r, s, fleet):
+        if not too_near(space_at(units.space, row), space_at(joined, chunk), r, s, fleet):
             k = chunk * CHUNK - 1
             continue
         first = max(lowest, chunk * CHUNK)
         while k >= first:
-            if too_near(room_at(units.room, row), room_at(units.room, rows[k]), r, s, fleet):
+            if too_near(space_at(units.space, row), space_at(units.space, rows[k]), r, s, fleet):
                 return k
             k -= 1
     return lowest - 1
@@ -87,7 +87,7 @@ def need_of(
     k = latest_in_the_way(row, s, max(lowest, 0), count, rows, joined, fleet, units)
     if k >= max(lowest, 0):
         piece = first_clear_piece(
-            rows[k], room_at(units.room, row), units.head[row], visits, fleet, units
+            rows[k], space_at(units.space, row), units.head[row], visits, fleet, units
         )
         unit, point = k, AT_END if piece == NONE else visits.pieces.point[piece]
     pred = latest_pred(row, s, own, place, visits, units)
@@ -126,10 +126,10 @@ def find_waits(
                 after[row, s], point[row, s] = unit, at
                 known[r, s, 0], known[r, s, 1] = unit, at
         chunk = counts[r] // CHUNK
-        room = room_at(units.room, row)
+        space = space_at(units.space, row)
         if counts[r] % CHUNK > 0:
-            room = join_rooms(room_at(joined[r], chunk), room)
-        keep_room(room, joined[r], chunk)
+            space = join_spaces(space_at(joined[r], chunk), space)
+        keep_space(space, joined[r], chunk)
         rows[r, counts[r]] = row
         counts[r] += 1
     return after, point

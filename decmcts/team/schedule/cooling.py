@@ -27,8 +27,8 @@ from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.team.engine.joint_kernels import Visits
 from decmcts.team.engine.order import visits_of
-from decmcts.team.engine.rooms_kernels import travel_seconds
 from decmcts.team.engine.space import travel_row
+from decmcts.team.engine.spaces_kernels import travel_seconds
 from decmcts.team.schedule.cooling_kernels import follow, printed_over
 
 LEAST_LAG_S = 0.05  # shorter lags are dropped

@@ -17,7 +17,7 @@ from decmcts.feasibility.clearance_kernels import Beads
 from decmcts.feasibility.closure_kernels import touches
 from decmcts.print.lags_kernels import Lags
 from decmcts.team.engine.joint_kernels import Visits
-from decmcts.team.engine.rooms_kernels import travel_seconds
+from decmcts.team.engine.spaces_kernels import travel_seconds
 
 NONE = -1
 NEVER = np.inf

@@ -34,7 +34,7 @@ def _listed(held: Held, gap: float, n: int) -> float:
         whole_low[i], whole_high[i] = low[mine].min(), high[mine].max()
 
     def fits(i: int, j: int) -> bool:
-        """One of two neighbours began later, with room for its whole contour."""
+        """One of two neighbours began later, with space for its whole contour."""
         return bool(high[i] + gap <= whole_low[j] or whole_high[i] + gap <= low[j])
 
     pieces = sorted(range(len(low)), key=lambda i: (low[i], high[i]))

@@ -35,7 +35,7 @@ def cooling(problem: TeamProblem) -> TeamProblem:
 
 
 def rouse(r: int, start: float, *given: Any) -> None:
-    """Let all other heads decide again, whatever head r has put."""
+    """Let all other heads decide again, whatever head r has placed."""
     pool = given[-1]
     for s in range(len(pool.decides_at)):
         if s != r:

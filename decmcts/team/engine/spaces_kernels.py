@@ -1,6 +1,6 @@
 """Space that heads reserve and when two heads are too near, on bare arrays.
 
-A `Room` is the reserved space, the box a head's nozzle stays within while it does something:
+A `Space` is the reserved space, the box a head's nozzle stays within while it does something:
 `(min x, max x, min y, max y, min z, max z)`. Two heads are too near when the
 difference of their nozzles lies in one of a few boxes, the *relations* of the
 pair: one for every two bodies that could meet, and a half-space for a rail.
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from decmcts.compiled import inlined, kernel
 from decmcts.print.motion_kernels import trapezoid_time
 
-Room = tuple[float, float, float, float, float, float]
+Space = tuple[float, float, float, float, float, float]
 Point = tuple[float, float, float] | NDArray[np.float64]  # x, y, z
 
 TOUCH = 1e-9  # mm; reserved spaces exactly as far apart as they must be are clear
@@ -37,21 +37,21 @@ class Fleet(NamedTuple):
 
 
 @inlined
-def room_at(rooms: NDArray[np.float64], k: int) -> Room:
-    """Return row k of `rooms` (m, 6)."""
-    return rooms[k, 0], rooms[k, 1], rooms[k, 2], rooms[k, 3], rooms[k, 4], rooms[k, 5]
+def space_at(spaces: NDArray[np.float64], k: int) -> Space:
+    """Return row k of `spaces` (m, 6)."""
+    return spaces[k, 0], spaces[k, 1], spaces[k, 2], spaces[k, 3], spaces[k, 4], spaces[k, 5]
 
 
 @inlined
-def keep_room(room: Room, rooms: NDArray[np.float64], k: int) -> None:
-    """Write a room to row k of `rooms` (m, 6)."""
+def keep_space(space: Space, spaces: NDArray[np.float64], k: int) -> None:
+    """Write a space to row k of `spaces` (m, 6)."""
     for side in range(6):
-        rooms[k, side] = room[side]
+        spaces[k, side] = space[side]
 
 
 @inlined
-def meet(a: Room, b: Room, relation: NDArray[np.float64], first: int, end: int) -> bool:
-    """Whether two heads in rooms `a` and `b` could meet, by rows first..end - 1 of `relation`."""
+def meet(a: Space, b: Space, relation: NDArray[np.float64], first: int, end: int) -> bool:
+    """Whether two heads in spaces `a` and `b` could meet, by rows first..end - 1 of `relation`."""
     for k in range(first, end):
         if (
             b[0] - a[1] < relation[k, 1] - TOUCH
@@ -66,8 +66,8 @@ def meet(a: Room, b: Room, relation: NDArray[np.float64], first: int, end: int) 
 
 
 @inlined
-def too_near(a: Room, b: Room, r: int, s: int, fleet: Fleet) -> bool:
-    """Whether head r somewhere in room `a` and head s somewhere in room `b` could meet."""
+def too_near(a: Space, b: Space, r: int, s: int, fleet: Fleet) -> bool:
+    """Whether head r somewhere in space `a` and head s somewhere in space `b` could meet."""
     pair = r * len(fleet.parks) + s
     first, end = fleet.relation_offsets[pair], fleet.relation_offsets[pair + 1]
     near: bool = meet(a, b, fleet.relation, first, end)
@@ -75,13 +75,13 @@ def too_near(a: Room, b: Room, r: int, s: int, fleet: Fleet) -> bool:
 
 
 @inlined
-def room_of_point(point: Point, top: float) -> Room:
+def space_of_point(point: Point, top: float) -> Space:
     """Space reserved by a head that rests at a point, at most at height `top`."""
     return point[0], point[0], point[1], point[1], point[2], max(point[2], top)
 
 
 @inlined
-def room_of_travel(p: Point, q: Point, ceiling: float) -> Room:
+def space_of_travel(p: Point, q: Point, ceiling: float) -> Space:
     """Space reserved by a travel from p to q."""
     return (
         min(p[0], q[0]),
@@ -94,8 +94,8 @@ def room_of_travel(p: Point, q: Point, ceiling: float) -> Room:
 
 
 @inlined
-def join_rooms(a: Room, b: Room) -> Room:
-    """Smallest room that holds two."""
+def join_spaces(a: Space, b: Space) -> Space:
+    """Smallest space that holds two."""
     return (
         min(a[0], b[0]),
         max(a[1], b[1]),
