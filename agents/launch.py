@@ -15,11 +15,11 @@ from agents.launching.status import LaunchError, OnProgress
 from agents.messages.digests import apart
 from agents.planners.pack import TEAM, Pack, write_pack
 from agents.planners.serial import joint_order
-from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping

@@ -20,8 +20,6 @@ from typing import Any
 
 from common import RESULTS, Rows, corpus, markdown, names, setting
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.anneal import anneal
 from decmcts.errors import InputError
 from decmcts.planning.events import unheard
 from decmcts.planning.options import NO_QUALITY, Objective
@@ -30,8 +28,10 @@ from decmcts.planning.problem.print_problem import load
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.metrics import Metrics
 from decmcts.print.walls import no_walls
+from decmcts.random_kernels import seeded
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import plan_order
+from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.pace import pace_of

@@ -19,15 +19,15 @@ from pathlib import Path
 import numpy as np
 from common import corpus
 
-from decmcts._kernels.engine.joint import NONE, Visits, all_parked, new_units
-from decmcts._kernels.engine.lags import no_lags
-from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
-from decmcts._kernels.engine.rooms import Fleet
-from decmcts._kernels.geometry.pieces import Pieces
-from decmcts._kernels.refine.qcsp import decode, find_loads
 from decmcts.formats.bare.qcsp import QcspProblem, read_qcsp
+from decmcts.print.lags_kernels import no_lags
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.engine.joint_kernels import NONE, Visits, all_parked, new_units
+from decmcts.team.engine.pieces_kernels import Pieces
+from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, link
+from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.qcsp.solver import _threads_of, search_qcsp
+from decmcts.team.qcsp.solver_kernels import decode, find_loads
 
 NAMES = "KP_k_059,MBB_n50_003,MBE_d0.85_005,MBD_f0.2cl2_009,MBC_n80_007,MBF_q6_007"
 AT_ONCE = 1e12  # acceleration
@@ -40,10 +40,10 @@ def visits_of(problem: QcspProblem) -> Visits:
     n = len(problem)
     ends = np.zeros((n, 2, 3))
     ends[:, :, 0] = problem.bay[:, None]
-    room = np.zeros((2 * n, 6))
-    room[:, 0] = room[:, 1] = np.repeat(problem.bay, 2)
+    space = np.zeros((2 * n, 6))
+    space[:, 0] = space[:, 1] = np.repeat(problem.bay, 2)
     pieces = Pieces(
-        np.arange(2 * n + 1, dtype=np.int64), room, np.zeros(2 * n), np.zeros(2 * n, np.int32)
+        np.arange(2 * n + 1, dtype=np.int64), space, np.zeros(2 * n), np.zeros(2 * n, np.int32)
     )
     pairs = problem.precedence[np.argsort(problem.precedence[:, 1], kind="stable")]
     counts = np.bincount(pairs[:, 1], minlength=n)

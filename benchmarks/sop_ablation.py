@@ -20,10 +20,10 @@ from effects import Effect, against_twins, told
 from numpy.typing import NDArray
 from sop_prints import print_like
 
-from decmcts._kernels.sequence.bare import Shares
 from decmcts.formats.bare.sop import read_sop
 from decmcts.planning.bare import compile_sop
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sop.annealing_kernels import Shares
 from decmcts.search.sop.solver import search_sop
 from decmcts.search.sop.threads import Parts
 

@@ -22,12 +22,12 @@ import numpy as np
 from common import Rows, arguments, grouped, markdown, median, run_missing, setting, spread
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.bare import Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.planning.bare import compile_sop
+from decmcts.random_kernels import seeded
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.annealing import NearSteps
+from decmcts.search.sop.annealing_kernels import Shares, anneal_bare
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.solver import search_sop
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.print.contours import Contours
 from decmcts.print.job import Barrier, PrintJob, ProcessSettings, Retraction
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.team.engine.plans import StatedOrder
 

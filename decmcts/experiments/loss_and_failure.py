@@ -26,7 +26,6 @@ from agents.agreeing.events import Fenced
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
 from agents.planners.team_planner import TeamPlanner
-from decmcts._kernels.engine.lags import Lags
 from decmcts.experiments.in_memory import Agreed, agreed, rounds_of, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure
@@ -45,6 +44,7 @@ from decmcts.planning.replanning.replan import replan, rest_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.team.pipeline import Launch
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import state_of_events

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.sweep import not_before
 from decmcts.errors import InputError
 from decmcts.team.engine.alone import nearest_first
 from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import Resolved, resolve
+from decmcts.team.engine.sweep_kernels import not_before
 
 Ints = NDArray[np.int64]
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from decmcts._kernels.engine.lags import Lags
 from decmcts.experiments.kinds import Key, Row, stopping_of
 from decmcts.experiments.prints import MIDDLE_MM, Point, print_file
 from decmcts.experiments.rows import Line, column, spread
@@ -19,6 +18,7 @@ from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.problem.source import read_source
 from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.pipeline import lags_of
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath

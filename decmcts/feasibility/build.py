@@ -1,8 +1,8 @@
 """The dependency graph of a print for the heads that may print it.
 
 Turns contours and heads into kernel arrays, runs the walk and words what it
-finds for people. The geometry itself lives in `decmcts._kernels.geometry.clearance`, the
-order of the walk in `decmcts._kernels.geometry.closure`.
+finds for people. The geometry itself lives in `decmcts.feasibility.clearance_kernels`, the
+order of the walk in `decmcts.feasibility.closure_kernels`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.clearance import Beads, PackedHead
-from decmcts._kernels.geometry.closure import (
+from decmcts.feasibility.clearance_kernels import Beads, PackedHead
+from decmcts.feasibility.closure_kernels import (
     NO_EDGE,
     WORD,
     ClosureRules,

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from decmcts._kernels.geometry.bits import add_ancestor_counts
-from decmcts._kernels.geometry.clustering import (
+from decmcts.feasibility.bits_kernels import add_ancestor_counts
+from decmcts.feasibility.clustering_kernels import (
     Neighbours,
     cluster_depths,
     depths,

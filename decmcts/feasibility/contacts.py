@@ -26,10 +26,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry import contacts as kernels
-from decmcts._kernels.geometry.clearance import Beads, PackedHead
-from decmcts._kernels.geometry.closure import TOUCH_MM, WORD, Words, bound_words
 from decmcts.errors import InputError
+from decmcts.feasibility import contacts_kernels as kernels
+from decmcts.feasibility.clearance_kernels import Beads, PackedHead
+from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words, bound_words
 from decmcts.feasibility.packed_head import pack_contours, pack_heads
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Head, Machine

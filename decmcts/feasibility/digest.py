@@ -27,7 +27,7 @@ from decmcts.print.machine import Head, Machine
 
 DIGEST_BYTES = 32
 ROUND_TO = 1e-6  # mm, mm/s ...: numbers count as equal when they round to the same multiple
-ROOMS_OF_A_PLAN = ("_kernels", "feasibility", "print", "team")
+ROOMS_OF_A_PLAN = ("feasibility", "print", "search/sequence", "team")
 NAN_STEPS, INF_STEPS = 2**62, 2**61
 _ONLY_TEXT = {"Contours": {"line"}, "Machine": {"name", "source"}}
 

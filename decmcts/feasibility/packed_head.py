@@ -1,7 +1,7 @@
 """Heads and contours packed for the kernels, and the checks the kernels rely on.
 
 The one place where `Head` becomes arrays; what the arrays mean stands at
-`decmcts._kernels.geometry.clearance`.
+`decmcts.feasibility.clearance_kernels`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.clearance import CHUNK, Beads, PackedHead, fill_boxes
+from decmcts.feasibility.clearance_kernels import CHUNK, Beads, PackedHead, fill_boxes
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 

@@ -23,7 +23,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.closure import TOUCH_MM
+from decmcts.feasibility.closure_kernels import TOUCH_MM
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob

@@ -1,13 +1,13 @@
 """Room for the heights of what is printed, by which travels lift clear of it.
 
-Schedulers route travels by the kernels of `decmcts._kernels.geometry.travel`.
+Schedulers route travels by the kernels of `decmcts.feasibility.travel_kernels`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from decmcts._kernels.geometry.travel import EMPTY, FANOUT, HeightField
+from decmcts.feasibility.travel_kernels import EMPTY, FANOUT, HeightField
 from decmcts.print.contours import Contours
 
 CELL_MM = 0.5

@@ -23,13 +23,16 @@ F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config  # untyped
 
 
-def compiler(sources: Path, *, inlined: bool = False, apart: bool = False) -> Callable[[F], F]:
+def compiler(
+    sources: Path, *, files: str = "*.py", inlined: bool = False, apart: bool = False
+) -> Callable[[F], F]:
     """Return a decorator that compiles on first use, cached for these sources.
 
-    With `inlined`, what calls the function gets its code in place of a call; with `apart`
-    always a call, so that each kernel has one copy of the function.
+    `sources` is a folder, `files` a pattern of names in it and below. With `inlined`, what calls
+    the function gets its code in place of a call; with `apart` always a call, so that each kernel
+    has one copy of the function.
     """
-    store = Store(Path(cache_folder(sources)))
+    store = Store(Path(cache_folder(sources, files)))
 
     def compiled(function: F) -> F:
         if _config.DISABLE_JIT:

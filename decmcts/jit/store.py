@@ -56,13 +56,13 @@ def cache_home() -> Path:
     return Path(home) / "decmcts"
 
 
-def cache_folder(sources: Path) -> str:
-    """Return where the machine code of all Python files in `sources` is kept."""
+def cache_folder(sources: Path, files: str = "*.py") -> str:
+    """Return where the machine code of all files of this pattern in `sources` is kept."""
     state = blake2b(digest_size=8)
-    for folder in (Path(__file__).parent, sources):
-        for path in sorted(folder.rglob("*.py")):
+    for folder, pattern in ((Path(__file__).parent, "*.py"), (sources, files)):
+        for path in sorted(folder.rglob(pattern)):
             state.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return str(cache_home() / f"{sources.name.strip('_')}-{state.hexdigest()}")
+    return str(cache_home() / f"{sources.name}-{state.hexdigest()}")
 
 
 class Store:

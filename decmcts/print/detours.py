@@ -1,6 +1,6 @@
 """Travels round outer walls: the bends that keep a travel inside the part.
 
-How a way is found stands in `decmcts._kernels.geometry.detours`. A way is level and seen from
+How a way is found stands in `decmcts.print.detours_kernels`. A way is level and seen from
 above; how high it must be to clear what is printed is decided where travels get their heights.
 """
 
@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.detours import MOST_BENDS, Loops, detours
-from decmcts._kernels.geometry.walls import (
+from decmcts.print.contours import Contours
+from decmcts.print.detours_kernels import MOST_BENDS, Loops, detours
+from decmcts.print.walls import OUTER, has_walls, outer_walls
+from decmcts.print.walls_kernels import (
     HEAD,
     LAYERS,
     PER_LAYER,
@@ -22,8 +24,6 @@ from decmcts._kernels.geometry.walls import (
     is_inside,
     over_walls,
 )
-from decmcts.print.contours import Contours
-from decmcts.print.walls import OUTER, has_walls, outer_walls
 
 LEAST_POINTS = 3  # of a loop
 BETWEEN_PIECES_MM = 0.3  # of a loop that is printed in pieces

@@ -1,7 +1,7 @@
 """Closed contours that are entered at another vertex than the slicer's.
 
 Which contours may, how they run then, and what material that can make. The
-rule of the seam's gap stands at `decmcts._kernels.geometry.loops`. Which vertex to
+rule of the seam's gap stands at `decmcts.print.loops_kernels`. Which vertex to
 choose is `decmcts.print.seam`'s.
 """
 
@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.loops import (
+from decmcts.print.contours import Contours, Role
+from decmcts.print.loops_kernels import (
     SLIVER_MM,
     Rotated,
     entries_allowed,
@@ -20,7 +21,6 @@ from decmcts._kernels.geometry.loops import (
     rotate_loop,
     rotate_loops,
 )
-from decmcts.print.contours import Contours, Role
 
 FLAT_MM = 1e-6
 CLIPPED = 0.25  # widths: how far the ends of any loop may be apart

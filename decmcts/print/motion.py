@@ -1,6 +1,6 @@
 """How long motion takes: the planner's time model.
 
-Trapezoids with look-ahead under the machine's limits (`decmcts._kernels.motion.blocks`).
+Trapezoids with look-ahead under the machine's limits (`decmcts.print.motion_kernels`).
 The judge (`sim.replay.motion`) has its own model; nothing here is imported there.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.motion import blocks as kernels
+from decmcts.print import motion_kernels as kernels
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits

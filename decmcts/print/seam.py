@@ -12,9 +12,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.seams import align, rearmost, sharpest, spread
 from decmcts.print.contours import Contours
 from decmcts.print.loops import allowed_entries, exits_of, movable
+from decmcts.print.seam_kernels import align, rearmost, sharpest, spread
 
 SeamPolicy = Literal["nearest", "aligned", "rear", "corner"]
 MOST_ENTRIES = 32  # of one contour

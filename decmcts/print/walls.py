@@ -6,7 +6,7 @@ leaves travels inside the part bare (Cura's combing, PrusaSlicer's
 source's longest such travel, across no outer wall of its layer, its middle inside them.
 A change to the next layer stays bare where the source leaves such changes bare: it climbs no
 further than these do, and stays inside the walls of either layer. Travels, times and
-writers ask here, the search its kernel (`decmcts._kernels.geometry.walls.bare`).
+writers ask here, the search its kernel (`decmcts.print.walls_kernels.bare`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import (
+from decmcts.print.contours import Contours, Role
+from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.walls_kernels import (
     HEAD,
     LAYERS,
     PER_LAYER,
@@ -26,8 +28,6 @@ from decmcts._kernels.geometry.walls import (
     bare_travels,
     list_cells,
 )
-from decmcts.print.contours import Contours, Role
-from decmcts.print.job import PrintJob, ProcessSettings
 
 CELL_MM = 2.0
 MOST_CELLS = 4_000_000  # of all layers together: cells grow beyond

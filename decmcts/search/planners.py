@@ -14,12 +14,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.entries import visits_cost
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.baselines.local import Layerwise, Local
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.meanwhile import Meanwhile
+from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.greedy import Greedy
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.planner import Planner

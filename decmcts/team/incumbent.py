@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.joint import Units
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import as_stated
@@ -71,7 +71,7 @@ class Incumbent:
         return self.orders > 0 and self._budget.stopping.ends(self.seconds, self.orders)
 
     def offer(self, units: Units) -> float:
-        """Keep the order that units were put in if it is the best; returns its makespan."""
+        """Keep the order that units were placed in if it is the best; returns its makespan."""
         makespan = float(units.end[: int(units.used[0])].max(initial=0.0))
         better = self._counted(makespan)
         if better:

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from decmcts._kernels.motion.blocks import FACTOR
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.duration import dwell_seconds, file_program
 from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
+from decmcts.print.motion_kernels import FACTOR
 from sim.controllers.heating import AMBIENT_C, Heaters
 from sim.controllers.program import Floats, HeadProgram, HotEnd, Ints, StopKind, Stops, stops_of
 from sim.heads.file import HeadFile, read_head_file

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts._kernels.geometry.clearance import (
+from decmcts.feasibility.clearance_kernels import (
     CHUNK,
     Beads,
     fill_boxes,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.clustering import connectedness, mark_neighbours, merge_adjacent
 from decmcts.feasibility.build import build_graph, closure_of
 from decmcts.feasibility.clustering import _ancestor_counts, _islands, cluster_contours
+from decmcts.feasibility.clustering_kernels import connectedness, mark_neighbours, merge_adjacent
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 
 

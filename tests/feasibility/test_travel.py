@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.travel import HeightField
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_head
 from decmcts.feasibility.travel import new_height_field
+from decmcts.feasibility.travel_kernels import HeightField
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.toolpath import Toolpath

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.clearance import PackedHead
-from decmcts._kernels.geometry.travel import (
+from decmcts.feasibility.clearance_kernels import PackedHead
+from decmcts.feasibility.packed_head import pack_contours, pack_head
+from decmcts.feasibility.travel import CELL_MM, new_height_field
+from decmcts.feasibility.travel_kernels import (
     EMPTY,
     HeightField,
     deposit,
     travel_height_above,
 )
-from decmcts.feasibility.packed_head import pack_contours, pack_head
-from decmcts.feasibility.travel import CELL_MM, new_height_field
 from decmcts.print.contours import Contours
 from decmcts.print.loops import enter_at
 from decmcts.print.machine import Head

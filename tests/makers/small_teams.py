@@ -2,7 +2,7 @@
 
 A joint order says who prints what, in which direction, in one order of all. They are tried
 depth first, contour after contour; the engine says when and how each is printed
-(`decmcts._kernels.engine.aside`). Two kinds of beginnings are not followed further, and neither
+(`decmcts.team.engine.aside_kernels`). Two kinds of beginnings are not followed further, and neither
 can lose the optimum: those whose bound is no better than the best order known, and those in
 which every head has done the same actions at the same times as in another that was tried.
 """
@@ -18,14 +18,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.aside import print_next, return_all
-from decmcts._kernels.engine.joint import NONE, Heads, Units, Visits, all_parked, new_units
-from decmcts._kernels.engine.replay import Marks, mark, restore
-from decmcts._kernels.engine.rooms import Fleet, travel_seconds
 from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
+from decmcts.team.engine.aside_kernels import print_next, return_all
+from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits, all_parked, new_units
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.replay_kernels import Marks, mark, restore
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 from tests.makers.random_machines import random_machine, random_print
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -7,9 +7,9 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.carry_out import OK, carry_out
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_in_turn
+from decmcts.team.engine.carry_out_kernels import OK, carry_out
 from decmcts.team.engine.order import sequences_of
 from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem

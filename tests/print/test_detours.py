@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.detours import BESIDE_MM
-from decmcts._kernels.geometry.walls import over_walls
 from decmcts.print.contours import Contours
 from decmcts.print.detours import Detours, over_walls_mm
+from decmcts.print.detours_kernels import BESIDE_MM
 from decmcts.print.walls import outer_walls
+from decmcts.print.walls_kernels import over_walls
 from tests.print.test_walls import concatenated, loops
 
 LEVEL_MM = 0.2

@@ -9,7 +9,6 @@ import pytest
 import shapely
 from shapely.ops import substring
 
-from decmcts._kernels.geometry.walls import END_MM, over_walls
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.walls import (
@@ -21,6 +20,7 @@ from decmcts.print.walls import (
     retracts,
     walls_for,
 )
+from decmcts.print.walls_kernels import END_MM, over_walls
 
 U_SHAPE = [(0, 0), (30, 0), (30, 30), (20, 30), (20, 10), (10, 10), (10, 30), (0, 30)]
 HABIT = ProcessSettings(retract_mm=1.0, retract_min_travel_mm=2.0, bare_inside_mm=100.0)

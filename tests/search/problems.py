@@ -7,14 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from decmcts._kernels.sequence.entries import visits_cost
-from decmcts._kernels.sequence.metric import Metric
-from decmcts._kernels.sequence.moves import Tour
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.walls import _gridded
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import plan_order
+from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.metric_kernels import Metric
+from decmcts.search.sequence.moves_kernels import Tour
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.joint import Units
 from decmcts.experiments.baselines.policies import dispatched, nth_weights
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.dec_mcts.planner import ENOUGH, FAR
+from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.order import units_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
@@ -51,7 +51,7 @@ class Order:
 
 
 def order_of(units: Units) -> Order:
-    """Return the joint order in which units were put."""
+    """Return the joint order in which units were placed."""
     stated = stated_of(units)
     n = len(stated.order)
     head, is_reversed = np.empty(n, np.int64), np.empty(n, np.bool_)

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.dispatch import URGENCY, dispatch
-from decmcts._kernels.engine.joint import Units
+from decmcts.team.engine.dispatch_kernels import URGENCY, dispatch
+from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.order import refuse
 from decmcts.team.engine.plans import POLICIES, STEP
 from decmcts.team.engine.policy import keys_of, policy_of

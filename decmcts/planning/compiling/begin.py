@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from decmcts._kernels.exact.ideals import WINDOW
 from decmcts.planning.compiling.child import compiled_beside
 from decmcts.planning.compiling.parts import FIRST, is_compiled, mark_compiled, part_of
 from decmcts.planning.compiling.rows import row_of
 from decmcts.planning.events import Stop, never
+from decmcts.search.bounds.ideals_kernels import WINDOW
 from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.planners import PLANNERS, plan_order
 from decmcts.search.sequence.planner import Planner

@@ -12,8 +12,8 @@ from typing import Any
 
 import numba
 
-import decmcts._kernels
 import sim.replay
+from decmcts.compiled import FILES, SOURCES
 from decmcts.jit import Store, cache_folder
 from decmcts.jit.kernel import compiler_and_processor
 from decmcts.jit.store import MARK, cache_home, size_of, temporary_folder
@@ -29,7 +29,8 @@ FIRST = "local"  # the planner a search begins with while the kernels of `hybrid
 
 _config: Any = numba.config  # untyped
 FOLDERS = [
-    Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim.replay)
+    Path(cache_folder(SOURCES, FILES)),
+    Path(cache_folder(Path(str(sim.replay.__file__)).parent)),
 ]
 
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import Walls
 from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.options import AvoidWalls
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.detours import Detours, straight_over_walls_mm
 from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.print.walls import has_walls, outer_walls
+from decmcts.print.walls_kernels import Walls
 from decmcts.search.sequence.problem import OrderProblem, Pace
 
 ALWAYS = 4.0  # mm of travel beyond its own that a mm over walls is worth, where all go round

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.planning.compiling.begin import begin_with, can_begin
 from decmcts.planning.compiling.parts import FIRST
@@ -18,6 +17,7 @@ from decmcts.planning.events import Begun, Report, Step, Stop
 from decmcts.planning.options import Search
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult, keeps_lags, plan_order

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from decmcts._kernels.engine.lags import Lags
 from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.compiling.begin import compile_search
 from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, unit_for
@@ -27,6 +26,7 @@ from decmcts.planning.problem.planned import Planned, check, document_of, source
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.worker import worker
 from decmcts.planning.writing.file_times import source_time
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath

@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.loops import Rotated
 from decmcts.errors import InputError
 from decmcts.formats.gcode.writing.stretches import Stretch
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import traversal
+from decmcts.print.loops_kernels import Rotated
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, length_of, rest_of_line
 from sim.content.pieces import parted_source

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
-from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import TeamSearch
@@ -24,6 +23,7 @@ from decmcts.planning.problem.planned import Planned, document_of
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.outcome import Outcome
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath

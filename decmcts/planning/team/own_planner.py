@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
 from agents.launching.status import AgentStatus, LaunchError, OnProgress
-from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.plans import StatedOrder

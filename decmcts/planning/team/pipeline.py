@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.launching.status import AgentStatus, LaunchError, OnProgress
-from decmcts._kernels.engine.lags import Lags, no_lags
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
@@ -38,6 +37,7 @@ from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.narrow import narrow_note
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.plan import PlanDocument

@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.trees.clusters import (
+from decmcts.feasibility.clustering import cluster_contours
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.random_kernels import seeded
+from decmcts.search.baselines.mcts_kernels import (
     Clustered,
     Rollout,
     new_tree,
     simulate_many,
     with_room,
 )
-from decmcts.feasibility.clustering import cluster_contours
-from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import POLL_S, next_chunk

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.entries import visits_cost
 from decmcts.search.bounds.exact import Patience, solve_exactly
 from decmcts.search.bounds.relaxation import Relaxation, Relaxed
+from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from decmcts._kernels.exact.pricing import Choices
+from decmcts.search.bounds.pricing_kernels import Choices
 from decmcts.search.sequence.problem import OrderProblem
 
 

@@ -14,7 +14,7 @@ from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from decmcts._kernels.exact.chains import most_exits
+from decmcts.search.bounds.chains_kernels import most_exits
 from decmcts.search.sequence.problem import OrderProblem
 
 GAPS_MM = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)

@@ -1,7 +1,7 @@
 """Sequences that are proven optimal, for prints whose layers have few contours.
 
 By dynamic programming over order ideals, the sets of contours that may have been printed
-at some time (`decmcts._kernels.exact.ideals`). How long that will take is known early, so
+at some time (`decmcts.search.bounds.ideals_kernels`). How long that will take is known early, so
 a print that would take too long is given up soon.
 """
 
@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.exact.ideals import (
+from decmcts.search.bounds.choices import choices_of
+from decmcts.search.bounds.ideals_kernels import (
     IdealRules,
     Ideals,
     make_ideals,
@@ -23,7 +24,6 @@ from decmcts._kernels.exact.ideals import (
     reset,
     trace,
 )
-from decmcts.search.bounds.choices import choices_of
 from decmcts.search.sequence.problem import OrderProblem
 
 _QUOTA = 20_000  # steps between two questions, while they are being found

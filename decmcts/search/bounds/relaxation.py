@@ -1,7 +1,7 @@
 """The relaxation behind the certificate: arborescences of travels at prices.
 
 Why its value is a bound is proved in `decmcts.search.bounds.certificate`, which also
-looks for good prices. The arithmetic of prices lives in `decmcts._kernels.exact.pricing`,
+looks for good prices. The arithmetic of prices lives in `decmcts.search.bounds.pricing_kernels`,
 sets that must be left often in `decmcts.search.bounds.crossings`, travels of
 which an order uses one in `decmcts.search.bounds.exclusive_travels`.
 """
@@ -13,8 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.exact.arborescence import cheapest_arborescence
-from decmcts._kernels.exact.pricing import (
+from decmcts.feasibility.build import closure_of
+from decmcts.search.bounds.arborescence_kernels import cheapest_arborescence
+from decmcts.search.bounds.choices import choices_of
+from decmcts.search.bounds.crossings import Crossings, forced_crossings
+from decmcts.search.bounds.exclusive_travels import ExclusiveTravels, find_exclusive_travels
+from decmcts.search.bounds.pricing_kernels import (
     WORD,
     Boxes,
     PossibleTravels,
@@ -27,11 +31,7 @@ from decmcts._kernels.exact.pricing import (
     travel_costs,
     used_choices,
 )
-from decmcts._kernels.sequence.metric import costliest, distance, points_of
-from decmcts.feasibility.build import closure_of
-from decmcts.search.bounds.choices import choices_of
-from decmcts.search.bounds.crossings import Crossings, forced_crossings
-from decmcts.search.bounds.exclusive_travels import ExclusiveTravels, find_exclusive_travels
+from decmcts.search.sequence.metric_kernels import costliest, distance, points_of
 from decmcts.search.sequence.problem import OrderProblem
 
 WIDTH = 8  # see `Relaxation`

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.block import block_edges, block_ports
-from decmcts._kernels.sequence.crossover import crossed
-from decmcts._kernels.sequence.entries import use_entries, visits_cost
-from decmcts._kernels.sequence.metric import Metric, points_of, with_points
-from decmcts._kernels.sequence.moves import Tour, refresh
+from decmcts.search.decomposition.blocks_kernels import block_edges, block_ports
+from decmcts.search.decomposition.crossover_kernels import crossed
+from decmcts.search.sequence.entries_kernels import use_entries, visits_cost
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.metric_kernels import Metric, points_of, with_points
+from decmcts.search.sequence.moves_kernels import Tour, refresh
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.timed_lags import no_lag_state
 

@@ -27,10 +27,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import seeded, uniform
-from decmcts._kernels.sequence.anneal import anneal
-from decmcts._kernels.sequence.descent import descend
+from decmcts.random_kernels import seeded, uniform
 from decmcts.search.decomposition.blocks import Block, Sequence, crossover, cut
+from decmcts.search.decomposition.descent_kernels import descend
+from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping, next_chunk

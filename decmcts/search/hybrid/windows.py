@@ -1,7 +1,7 @@
 """Windows of a sequence put in their best order, one after the other, exactly.
 
 Annealing leaves any few dozen contours that follow each other in a good order. Their best
-order is found in milliseconds (`decmcts._kernels.exact.window`).
+order is found in milliseconds (`decmcts.search.hybrid.windows_kernels`).
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.exact.ideals import Ideals
-from decmcts._kernels.exact.window import solve_windows
 from decmcts.search.bounds.exact import Capacity, slack_of
+from decmcts.search.bounds.ideals_kernels import Ideals
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.decomposition.threads import ROUND_S, Threads
 from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.windows_kernels import solve_windows
 from decmcts.search.sequence.annealing import DESCENT_FROM
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import next_chunk

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.trees.greedy import greedy_order
+from decmcts.search.sequence.greedy_kernels import greedy_order
 from decmcts.search.sequence.incumbent import Incumbent
 
 

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.entries import visits_cost
-from decmcts._kernels.sequence.tour import respects
+from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Progress, Stopping
+from decmcts.search.sequence.tour_kernels import respects
 
 
 class Incumbent:

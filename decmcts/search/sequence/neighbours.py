@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from decmcts._kernels.sequence.nearby import keep_possible
+from decmcts.search.sequence.neighbours_kernels import keep_possible
 from decmcts.search.sequence.problem import OrderProblem
 
 LAYER_SCALE = 40.0  # heights count this much more: most contours far above or below must wait

@@ -1,7 +1,7 @@
 """What a travel costs in seconds: the source's habits under the machine's limits.
 
 The search prices a travel by its two ends, and the walls between
-(`decmcts._kernels.sequence.metric`); how long a whole plan takes is
+(`decmcts.search.sequence.metric_kernels`); how long a whole plan takes is
 `decmcts.team.schedule.timing`'s.
 """
 

@@ -14,16 +14,23 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import Walls
-from decmcts._kernels.sequence.entries import choose_visits
-from decmcts._kernels.sequence.metric import Matrix, Metric, Timed, TimedBare, costliest, distance
-from decmcts._kernels.sequence.tour import longest_hop
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.seam import SeamPolicy, entry_points, exit_points, seam_entries
 from decmcts.print.walls import has_walls, no_walls
+from decmcts.print.walls_kernels import Walls
+from decmcts.search.sequence.entries_kernels import choose_visits
+from decmcts.search.sequence.metric_kernels import (
+    Matrix,
+    Metric,
+    Timed,
+    TimedBare,
+    costliest,
+    distance,
+)
 from decmcts.search.sequence.timed_lags import TimedLags
+from decmcts.search.sequence.tour_kernels import longest_hop
 
 Freedom = Literal["fixed", "reversible", "seam"]
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.lags import Lags
-from decmcts._kernels.sequence.lags import LagState, keeps_all, retime
+from decmcts.print.lags_kernels import Lags
+from decmcts.search.sequence.timed_lags_kernels import LagState, keeps_all, retime
 
 
 @dataclass(frozen=True, slots=True)

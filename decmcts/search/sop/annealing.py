@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sop.annealing_kernels import Bare, Shares, anneal_bare
 
 SHARES = Shares(follow=0.7, reverse=0.12)
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.trees.beam import (
+from decmcts.search.sop.beam_kernels import (
     BeamProblem,
     Children,
     Expansion,

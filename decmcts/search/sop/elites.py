@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import below
+from decmcts.random_kernels import below
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sop.annealing import Annealer, NearSteps, quenched

@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.bare import Shares
-from decmcts._kernels.sequence.metric import Matrix
+from decmcts.random_kernels import seeded
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.metric_kernels import Matrix
 from decmcts.search.sequence.stopping import next_chunk
 from decmcts.search.sop.annealing import ALL, FIRST, SHARES, LubyAnnealer, NearSteps
+from decmcts.search.sop.annealing_kernels import Shares
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam

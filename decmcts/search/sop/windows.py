@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import below, log_uniform, uniform
+from decmcts.random_kernels import below, log_uniform, uniform
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sop.annealing import Annealer, LubyAnnealer, quenched

@@ -26,14 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from decmcts._kernels.exact.chains import FAR, UNRELATED, ancestry
-from decmcts._kernels.geometry.walls import SAME_Z_MM
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.motion import travel_acceleration
 from decmcts.print.seam import SeamEntries, entry_points, exit_points
+from decmcts.print.walls_kernels import SAME_Z_MM
+from decmcts.search.bounds.chains_kernels import FAR, UNRELATED, ancestry
 from decmcts.team.schedule.timing import habit_of
 
 NEAR = 200  # ends of contours that are looked at from each end

@@ -28,21 +28,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.exact.chains import longest_chain
-from decmcts._kernels.geometry.loops import SLIVER_MM
-from decmcts._kernels.geometry.pieces import cut_pieces
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import rotated
+from decmcts.print.loops_kernels import SLIVER_MM
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
+from decmcts.search.bounds.chains_kernels import longest_chain
 from decmcts.team.bounds.least_time import choices, least_times
 from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.bounds.pair_bound import pair_bound
 from decmcts.team.bounds.rail_bound import Held, rail_bound
 from decmcts.team.bounds.run_on import saved_by_running_on
 from decmcts.team.engine.order import MOST_PIECES, PIECE_MM
+from decmcts.team.engine.pieces_kernels import cut_pieces
 from decmcts.team.engine.space import eligibility
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
@@ -201,7 +201,7 @@ def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int
     begin = np.where(is_reversed, spent[last] - spent[vertex], spent[vertex] - spent[first])
     is_last = np.diff(choice, append=-1) != 0
     end = np.where(is_last, spent[last] - spent[first], np.roll(begin, -1))
-    low, high = pieces.room[:, 2 * axis], pieces.room[:, 2 * axis + 1]
+    low, high = pieces.space[:, 2 * axis], pieces.space[:, 2 * axis + 1]
     return Held(low, high, end - begin, choice)
 
 

@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from decmcts._kernels.engine.rooms import TOUCH
 from decmcts.print.machine import Machine
 from decmcts.team.bounds.rail_bound import Held, whole_of
 from decmcts.team.engine.space import relation_of
+from decmcts.team.engine.spaces_kernels import TOUCH
 
 CELL_MM = 1.0  # that they are rounded to; cells double until there are few enough
-MOST_ROOMS = 2_000
+MOST_SPACES = 2_000
 MOST_FLOW = 2.0**29  # of all; the solver's whole numbers have 32 bits
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,7 +40,7 @@ def pair_bound(
     machine: Machine,
     *,
     height_mm: float,
-    most_rooms: int = MOST_ROOMS,
+    most_spaces: int = MOST_SPACES,
 ) -> float:
     """Return seconds that no joint plan of the first two heads can beat; travel is not counted.
 
@@ -50,23 +50,23 @@ def pair_bound(
         What is held of the bed, the same pieces in both.
     height_mm : float
         Of the print; what comes too near only at some heights counts as clear.
-    most_rooms : int
+    most_spaces : int
         Different spaces that are distinguished; with fewer the bound is lower at most.
     """
     seconds, choice = along_x.seconds, along_x.choice
     if not len(seconds) or not float(seconds.sum()) > 0.0:
         return 0.0
-    rooms, room = _rooms(along_x, along_y, most_rooms)
-    clear = np.zeros((len(rooms), len(rooms)), np.bool_)
+    spaces, space = _spaces(along_x, along_y, most_spaces)
+    clear = np.zeros((len(spaces), len(spaces)), np.bool_)
     for r in range(2):
         relation = relation_of(machine, r, 1 - r)
         always = (relation[:, 4] <= -height_mm) & (relation[:, 5] >= height_mm)
-        clear |= _clear(rooms[:, :4], rooms[:, 4:], relation[always])
+        clear |= _clear(spaces[:, :4], spaces[:, 4:], relation[always])
     clear |= clear.T
     contour, is_reversed = choice // 2, choice % 2 == 1
     both = np.isin(contour, contour[is_reversed])  # half of it in each direction, to find prices
-    work = _sums(room, seconds * np.where(both, 0.5, 1.0))
-    worth = seconds * (1.0 - cover_prices(clear, work)[room])
+    work = _sums(space, seconds * np.where(both, 0.5, 1.0))
+    worth = seconds * (1.0 - cover_prices(clear, work)[space])
     choices, kind = np.unique(choice, return_inverse=True)
     of_choice = _sums(kind.reshape(-1), worth)
     begins = np.flatnonzero(np.diff(choices // 2, prepend=-1))
@@ -77,7 +77,7 @@ def _sums(group: Ints, values: Floats) -> Floats:
     return np.bincount(group, weights=values).astype(np.float64)
 
 
-def _rooms(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
+def _spaces(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
     """Return the different spaces, and each piece's: low and high x, low and high y.
 
     First four sides of what is still held, then four of the whole contour.
@@ -85,15 +85,15 @@ def _rooms(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
     both = (along_x, along_y)
     sides = [side for held in both for side in (held.low, held.high)]
     sides += [side for held in both for side in whole_of(held.choice, held.low, held.high)]
-    rooms = np.column_stack(sides)
-    room, cell = np.arange(len(rooms)), CELL_MM
+    spaces = np.column_stack(sides)
+    space, cell = np.arange(len(spaces)), CELL_MM
     while True:  # what was rounded to a cell rounds to two of them as it would have at once
-        rooms[:, 0::2] = np.ceil(rooms[:, 0::2] / cell) * cell
-        rooms[:, 1::2] = np.floor(rooms[:, 1::2] / cell) * cell
-        rooms, kind = np.unique(rooms, axis=0, return_inverse=True)
-        room = kind.reshape(-1)[room]
-        if len(rooms) <= most:
-            return rooms, room
+        spaces[:, 0::2] = np.ceil(spaces[:, 0::2] / cell) * cell
+        spaces[:, 1::2] = np.floor(spaces[:, 1::2] / cell) * cell
+        spaces, kind = np.unique(spaces, axis=0, return_inverse=True)
+        space = kind.reshape(-1)[space]
+        if len(spaces) <= most:
+            return spaces, space
         cell *= 2.0
 
 

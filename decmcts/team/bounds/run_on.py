@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from decmcts._kernels.geometry.loops import Rotated
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.loops import rotated
+from decmcts.print.loops_kernels import Rotated
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import Program, limit_rows
 from decmcts.print.seam import SeamEntries, entry_points, exit_points

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.cutting import SNAP_MM
 from decmcts.feasibility.touching import SHELLS
 from decmcts.print.contours import Contours, Role
 from decmcts.print.cut import LEAST_MM, OUTSIDE, Lines
+from decmcts.print.cut_kernels import SNAP_MM
 from decmcts.print.loops import FLAT_MM
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
 from decmcts.team.engine.space import contour_boxes

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.strips import share_layer
+from decmcts.team.cutting.strips_kernels import share_layer
 
 Floats = NDArray[np.float64]
 

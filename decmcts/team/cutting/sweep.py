@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.carry_out import OK, carry_out
-from decmcts._kernels.engine.sweep import nearest_by_group, not_before, with_stragglers
 from decmcts.team.cutting.layout import Cuttable, Layout, Places
+from decmcts.team.engine.carry_out_kernels import OK, carry_out
 from decmcts.team.engine.order import sequences_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import is_allowed
+from decmcts.team.engine.sweep_kernels import nearest_by_group, not_before, with_stragglers
 
 Ints = NDArray[np.int64]
 

@@ -12,10 +12,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.anneal import anneal
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.random_kernels import seeded
 from decmcts.search.decomposition.blocks import Sequence, cut
+from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace
 from decmcts.team.engine.plans import StatedOrder

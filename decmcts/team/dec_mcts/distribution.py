@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.trees.dmcts import step_distribution
 from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.dec_mcts.tree_kernels import step_distribution
 
 SMALLEST = 1e-6  # probability a candidate keeps
 RECENT = 10.0  # samples over which a mean is taken: the others change

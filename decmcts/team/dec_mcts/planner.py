@@ -8,7 +8,7 @@ single-extruder mode.
 
 Policies are tried first. Then each round has a share of work for tree and
 distribution, and the rest for windows of the best joint order. Work is counted in
-contours that are put into joint orders (`decmcts.team.engine.values`).
+contours that are placed in joint orders (`decmcts.team.engine.values`).
 
 References
 ----------
@@ -50,11 +50,11 @@ from decmcts.team.engine.values import EACH, JointValues, Plan, Proposal, Team
 
 __all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
 
-AT_ONCE = 200_000  # contours put when policies are tried, about a second's work
+AT_ONCE = 200_000  # contours placed when policies are tried, about a second's work
 # Where so many policies all end this much later than the order to begin with no more are tried.
 ENOUGH, FAR = 4, 1.05
-UNPOLISHED = 100_000  # contours put in a round without polishing
-WINDOW = 3_000  # contours put that a window of polishing counts for
+UNPOLISHED = 100_000  # contours placed in a round without polishing
+WINDOW = 3_000  # contours placed that a window of polishing counts for
 ROOT_POLICIES = 8  # with which the tree begins
 # Polishing begins anew from a better start if that is better by this share of what polishing
 # has gained. In as long again the order polished now would gain about this share more; the new
@@ -96,7 +96,7 @@ class DecMcts:
         self._polishing: _Polishing | None = None
         self._polishings = self._alone = 0  # joint orders polished, rounds without another head
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
-        self._credit = 0  # contours that tree and distribution may put
+        self._credit = 0  # contours that tree and distribution may place
         self._utilities: list[float] = []  # of all samples
         default = self._by_policy(head, 0)
         self._tree = self._new_tree(default)
@@ -232,22 +232,22 @@ class DecMcts:
         return self._values.makespan(dict.fromkeys(team, self._as_begun()), team)
 
     def _search(self, team: Team, work: int) -> None:
-        """Grow the tree and move q by steps that put so many contours; what is left is kept."""
+        """Grow the tree and move q by steps that place so many contours; what is left is kept."""
         self._credit += work
         order = len(self.problem.macro) + EACH
         least = order // 4  # what a step costs that resolves nothing
         while self._credit >= order:
-            before = self._values.put
+            before = self._values.placed
             if self._steps % (self.parameters.samples + 1) < self.parameters.samples:
                 self._sample(team)
                 self._combine(team)
             else:
                 self._update(team)
             self._steps += 1
-            self._credit -= max(least, self._values.put - before)
+            self._credit -= max(least, self._values.placed - before)
 
     def _share(self) -> int:
-        """Return the contours that tree and distribution may put in a round with polishing."""
+        """Return the contours that tree and distribution may place in a round with polishing."""
         share, windows = self.parameters.share, self.parameters.windows
         return int(share / (1.0 - share) * windows * WINDOW)
 

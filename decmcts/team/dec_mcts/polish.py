@@ -1,6 +1,6 @@
 """Refines one joint order by local search, and crosses it with other heads' orders.
 
-Front of `decmcts._kernels.refine.recreate`, `.polish` and `.join`. A head improves the best joint
+Front of `recreate_kernels`, `polish_kernels` and `join_kernels`. A head improves the best joint
 order it knows and sends it to the team. From an order it receives it takes the windows that are
 better than its own (partition crossover, Whitley, Hains & Howe 2009). So heads improve different
 places at once.
@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from decmcts._kernels.engine.dispatch import new_pool
-from decmcts._kernels.engine.joint import NONE, Heads, all_parked, new_units
-from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
-from decmcts._kernels.random import log_uniform, seeded
-from decmcts._kernels.refine.join import join
-from decmcts._kernels.refine.polish import RUN, SHORTEST, Annealing, Moves, polish
-from decmcts._kernels.refine.recreate import Guide, recreate
+from decmcts.random_kernels import log_uniform, seeded
+from decmcts.team.dec_mcts.join_kernels import join
+from decmcts.team.dec_mcts.polish_kernels import RUN, SHORTEST, Annealing, Moves, polish
+from decmcts.team.dec_mcts.recreate_kernels import Guide, recreate
+from decmcts.team.engine.dispatch_kernels import new_pool
+from decmcts.team.engine.joint_kernels import NONE, Heads, all_parked, new_units
 from decmcts.team.engine.plans import POLICIES, StatedOrder
 from decmcts.team.engine.policy import policy_of
 from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, link
 from decmcts.team.engine.resolve import fleet_for
 
 NEAR = 10  # contours near each end of one

@@ -7,7 +7,7 @@ A node is a whole plan. A child is its parent's plan after one exchange: another
 policy, or some macro-actions sooner or later (Fu, Qiu & Zha 2021 search complete
 tours the same way). A node that has been seen often gets more children
 (progressive widening). Only the arithmetic of selection is
-compiled (`decmcts._kernels.trees.dmcts`): one sample costs a whole rollout.
+compiled (`decmcts.team.dec_mcts.tree_kernels`): one sample costs a whole rollout.
 
 References
 ----------
@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.trees.dmcts import select_child
+from decmcts.team.dec_mcts.tree_kernels import select_child
 
 ROOT = 0
 NONE = -1

@@ -1,7 +1,7 @@
 """The partial order of a joint plan: units, what each must wait for, what comes later.
 
-Front of `decmcts._kernels.engine.carry_out` and `.waits`: validates sequences and turns units into
-arrays. Paths and exact times are `decmcts.team.schedule.joint_plan`'s.
+Front of `carry_out_kernels` and `waits_kernels`: validates sequences and turns units into arrays.
+Paths and exact times are `decmcts.team.schedule.joint_plan`'s.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.carry_out import CONTRADICTED, SHUT_IN, Sequences, carry_out
-from decmcts._kernels.engine.joint import Units, Visits
-from decmcts._kernels.engine.lags import Lags, no_lags
-from decmcts._kernels.engine.rooms import Fleet
-from decmcts._kernels.engine.waits import find_waits, first_later
-from decmcts._kernels.geometry.pieces import cut_pieces
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.carry_out_kernels import CONTRADICTED, SHUT_IN, Sequences, carry_out
+from decmcts.team.engine.joint_kernels import Units, Visits
+from decmcts.team.engine.pieces_kernels import cut_pieces
 from decmcts.team.engine.space import Space, printing_times
+from decmcts.team.engine.spaces_kernels import Fleet
+from decmcts.team.engine.waits_kernels import find_waits, first_later
 
 PIECE_MM = 4.0  # a contour's next piece begins where the space still needed has shrunk by this
 MOST_PIECES = 16  # of one contour

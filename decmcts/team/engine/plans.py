@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.toolpath import Toolpath
 
-# Columns of POLICIES; `decmcts._kernels.engine.dispatch` has the score they weigh, and the key.
+# Columns of POLICIES; `decmcts.team.engine.dispatch_kernels` has the score they weigh, and the key.
 # 0: weight of the key.
 # 1: weight of waste, the share of the time until a contour's end in which nothing is printed.
 # 2: weight of being out of step with the other heads.

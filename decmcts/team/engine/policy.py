@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.dispatch import BOTTLENECK, OTHERS, URGENCY, Policy, write_keys
+from decmcts.team.engine.dispatch_kernels import BOTTLENECK, OTHERS, URGENCY, Policy, write_keys
 from decmcts.team.engine.plans import POLICIES, STEP
 from decmcts.team.engine.problem import TeamProblem
 

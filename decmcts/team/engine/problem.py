@@ -12,18 +12,17 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.dispatch import KeyTerms
-from decmcts._kernels.engine.joint import Visits
-from decmcts._kernels.engine.lags import Lags
-from decmcts._kernels.engine.rooms import Fleet
-from decmcts._kernels.exact.chains import chain_behind
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
+from decmcts.search.bounds.chains_kernels import chain_behind
 from decmcts.team.engine.bottleneck import bottleneck
+from decmcts.team.engine.dispatch_kernels import KeyTerms
+from decmcts.team.engine.joint_kernels import Visits
 from decmcts.team.engine.macros import columns_of, cut_macros, part_of, part_progress
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.plans import StatedOrder
@@ -33,6 +32,7 @@ from decmcts.team.engine.space import (
     fleet_of,
     printing_times,
 )
+from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.engine.start import Start, start_of
 
 
@@ -51,7 +51,7 @@ class TeamProblem:
     urgency: NDArray[np.float64]  # (n,) 0: the longest chain comes after it, 1: nothing does
     bottleneck: NDArray[np.bool_]  # (n,) see decmcts.team.engine.bottleneck
     part: NDArray[np.int64]  # (n,) connected footprint
-    column_offsets: NDArray[np.int64]  # (columns + 1,) see decmcts._kernels.engine.dispatch
+    column_offsets: NDArray[np.int64]  # (columns + 1,) see decmcts.team.engine.dispatch_kernels
     column: NDArray[np.int32]  # (n,)
     macro: NDArray[np.int32]  # (n,) macro-action of each contour, numbered by progress
     macro_part: NDArray[np.int64]  # (n_macros,)

@@ -5,7 +5,7 @@ bit for bit, and agents compare its digest. A plan that orders all contours, ser
 stated, holds for all heads, if these can carry it out. Where a plan changes the order heads
 begin with, all changes of all heads together make one. Else the heads dispatch: each
 takes contours by its own plan's policy and shifts. Conflicts between heads are ordered,
-and heads at rest there step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
+and heads at rest there step aside (`dispatch_kernels`, `aside_kernels`).
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.carry_out import OK, carry_out
-from decmcts._kernels.engine.dispatch import dispatch
-from decmcts._kernels.engine.joint import Units
-from decmcts._kernels.engine.rooms import Fleet
 from decmcts.errors import InputError
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import nearest_first, split
+from decmcts.team.engine.carry_out_kernels import OK, carry_out
+from decmcts.team.engine.dispatch_kernels import dispatch
+from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.order import refuse, sequences_of, units_of
 from decmcts.team.engine.plans import (
     HUNDREDTHS,
@@ -38,6 +37,7 @@ from decmcts.team.engine.plans import (
 from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.space import build_space, fleet_of
+from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.engine.start import changed_order
 
 FIRST = 100_000  # contours placed for an estimate by the first policies, about half a second's work

@@ -14,15 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.carry_out import eligible_heads
-from decmcts._kernels.engine.joint import Visits
-from decmcts._kernels.engine.lags import no_lags
-from decmcts._kernels.engine.rooms import Fleet
-from decmcts._kernels.geometry.pieces import Pieces
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.lags_kernels import no_lags
 from decmcts.print.machine import Head, Machine, MotionLimits
 from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
+from decmcts.team.engine.carry_out_kernels import eligible_heads
+from decmcts.team.engine.joint_kernels import Visits
+from decmcts.team.engine.pieces_kernels import Pieces
+from decmcts.team.engine.spaces_kernels import Fleet
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ def printing_times(job: PrintJob, machine: Machine) -> NDArray[np.float64]:
 
 
 def travel_row(settings: ProcessSettings, limits: MotionLimits, pace: float = 1.0) -> list[float]:
-    """Return what a travel takes, see `decmcts._kernels.engine.rooms.travel_seconds`.
+    """Return what a travel takes, see `decmcts.team.engine.spaces_kernels.travel_seconds`.
 
     By length alone: no walls are known here, and what only orders units need not be exact. Where
     all takes `pace` times as long, speeds are as many times lower.
@@ -215,13 +215,13 @@ def whole_pieces(contours: Contours) -> Pieces:
     """Return one piece of each contour, in both directions where it may be reversed."""
     low = np.minimum.reduceat(contours.points, contours.offsets[:-1])
     high = np.maximum.reduceat(contours.points, contours.offsets[:-1])
-    rooms = np.stack([low, high], axis=2).reshape(-1, 6)
+    spaces = np.stack([low, high], axis=2).reshape(-1, 6)
     directions = np.ones((len(contours), 2), np.bool_)
     directions[:, 1] = contours.reversible
     count = int(directions.sum())
     return Pieces(
         np.concatenate([[0], np.cumsum(directions)]),
-        rooms[np.repeat(np.arange(len(contours)), directions.sum(axis=1))],
+        spaces[np.repeat(np.arange(len(contours)), directions.sum(axis=1))],
         np.zeros(count),
         np.zeros(count, np.int32),
     )

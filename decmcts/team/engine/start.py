@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.sweep import not_before
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.team.engine.plans import Changes, StatedOrder
+from decmcts.team.engine.sweep_kernels import not_before
 
 LONG = 1.5  # runs that take longer than so many medians are parted
 

@@ -1,6 +1,6 @@
 """What joint plans are worth to one head: each is resolved once, the best are kept.
 
-The work is counted in contours that are put into joint orders, so shares of it are the
+The work is counted in contours that are placed in joint orders, so shares of it are the
 same on every host and in every run. Which plans are tried is decided in
 `decmcts.team.dec_mcts.planner`.
 """
@@ -39,8 +39,8 @@ class JointValues:
     """Makespans of joint plans.
 
     `best` has the best joint plan of each team and `starts` the best without a stated
-    order, `start_paths` what that resolves to. `put` is the work of all evaluations so far:
-    for each the contours it put, and EACH more.
+    order, `start_paths` what that resolves to. `placed` is the work of all evaluations so far:
+    for each the contours it placed, and EACH more.
     """
 
     def __init__(self, problem: TeamProblem) -> None:
@@ -51,7 +51,7 @@ class JointValues:
         self.best: dict[Team, Proposal] = {}
         self.starts: dict[Team, Proposal] = {}
         self.start_paths: dict[Team, tuple[Toolpath, ...]] = {}
-        self.put = 0
+        self.placed = 0
 
     def knows(self, plans: Mapping[int, Plan], team: Team) -> bool:
         """Whether this joint plan is resolved already."""
@@ -95,7 +95,7 @@ class JointValues:
         except InputError:
             self._unable.add(team)
             return np.inf
-        self.put += len(self._problem.macro) + EACH
+        self.placed += len(self._problem.macro) + EACH
         makespan = resolved.makespan_s
         found = Proposal(dict(plans), makespan)
         if team not in self.best or makespan <= self.best[team].makespan_s:

@@ -1,6 +1,6 @@
 """Where every crane is while it works, waits and steps aside: paths that keep their distance.
 
-Given tasks whose pairs keep the temporal distance of `decmcts._kernels.refine.qcsp`,
+Given tasks whose pairs keep the temporal distance of `decmcts.team.qcsp.solver_kernels`,
 paths for all cranes exist, idle ones included. Measure positions so that crane v
 is moved left by spacing · v: then cranes may meet but not pass. Let crane v be,
 at every moment, at the rightmost place from which some stop of its own or of a

@@ -25,8 +25,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.refine.qcsp import (
+from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
+from decmcts.print.brief import brief
+from decmcts.random_kernels import seeded
+from decmcts.search.sequence.stopping import Progress, Stopping
+from decmcts.team.qcsp.bound import least_makespan
+from decmcts.team.qcsp.paths import paths_of
+from decmcts.team.qcsp.solver_kernels import (
     CraneProblem,
     CraneSchedule,
     anneal_schedule,
@@ -34,11 +39,6 @@ from decmcts._kernels.refine.qcsp import (
     decode,
     find_loads,
 )
-from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
-from decmcts.print.brief import brief
-from decmcts.search.sequence.stopping import Progress, Stopping
-from decmcts.team.qcsp.bound import least_makespan
-from decmcts.team.qcsp.paths import paths_of
 
 _HOT, _WARM, _COLD = 0.03, 0.008, 0.0005  # temperatures, shares of the makespan
 _FIRST_ROUND = 20_000  # proposals of each thread

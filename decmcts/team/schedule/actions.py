@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.joint import UNIT_PARK, UNIT_PRINT
-from decmcts._kernels.engine.lags import Lags
-from decmcts._kernels.engine.waits import AT_END, earliest
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.joint_kernels import UNIT_PARK, UNIT_PRINT
 from decmcts.team.engine.order import UnitOrder
+from decmcts.team.engine.waits_kernels import AT_END, earliest
 from decmcts.team.schedule.rests import find_rests, with_rests
 from decmcts.team.schedule.standing import with_stops
 from decmcts.team.schedule.timing import ActionTimes, action_times

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem

@@ -15,21 +15,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.cooling import follow, printed_over
-from decmcts._kernels.engine.joint import Visits
-from decmcts._kernels.engine.lags import Lags, no_lags
-from decmcts._kernels.engine.rooms import travel_seconds
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_contours
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.machine import Machine
 from decmcts.print.motion import job_times
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.search.sequence.timed_lags import TimedLags
+from decmcts.team.engine.joint_kernels import Visits
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.space import travel_row
+from decmcts.team.engine.spaces_kernels import travel_seconds
+from decmcts.team.schedule.cooling_kernels import follow, printed_over
 
 LEAST_LAG_S = 0.05  # shorter lags are dropped
 TRAVEL_SHARE = 0.7  # mean travel of a search's orders, as a share of the source's

@@ -2,8 +2,8 @@
 
 Heads agree on sequences with every loop at a fixed entry (`first_entries`, `agreed_job`). Where
 loops may begin anywhere, each head's own sequence then has its entries and directions
-chosen by dynamic programming (`decmcts._kernels.sequence.entries`), so that the travels within it
-cost least. A head that travels less may make another wait, so they are taken window by
+chosen by dynamic programming (`decmcts.search.sequence.entries_kernels`), so that the travels
+within it cost least. A head that travels less may make another wait, so they are taken window by
 window of the joint order, where the makespan falls. No sequence changes here.
 """
 
@@ -16,18 +16,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.carry_out import OK, carry_out
-from decmcts._kernels.engine.lags import Lags
-from decmcts._kernels.sequence.entries import choose_visits
-from decmcts._kernels.sequence.metric import with_points
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.loops import as_run, enter_at, rotated
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries, seam_entries
 from decmcts.print.toolpath import Toolpath, entries_by_contour
+from decmcts.search.sequence.entries_kernels import choose_visits
+from decmcts.search.sequence.metric_kernels import with_points
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.team.engine.carry_out_kernels import OK, carry_out
 from decmcts.team.engine.order import sequences_of, visits_of
 from decmcts.team.engine.space import fleet_of, printing_times
 

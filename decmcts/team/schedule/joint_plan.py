@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from decmcts._kernels.engine.lags import Lags, no_lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.loops import enter_at
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.lags import Lags
-from decmcts._kernels.engine.waits import Rests, Rows, let_cool
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.team.engine.order import UnitOrder
+from decmcts.team.engine.waits_kernels import Rests, Rows, let_cool
 from decmcts.team.schedule.waits import LEAST_WAIT_S, STEP_S
 
 

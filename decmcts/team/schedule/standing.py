@@ -18,12 +18,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.stops import times_with_stops
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
 from decmcts.print.signals import Signals, apart_s, places_of, signals_of
 from decmcts.team.schedule.idling import idle_seconds
+from decmcts.team.schedule.standing_kernels import times_with_stops
 from decmcts.team.schedule.timing import ActionTimes
 
 Floats = NDArray[np.float64]

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.motion.program import Habit, Segments, write_moves
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.loops import rotated
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program, limit_rows, travel_acceleration, travel_feed
 from decmcts.print.walls import retracted_paths, walls_for
+from decmcts.team.schedule.timing_kernels import Habit, Segments, write_moves
 
 
 @dataclass(frozen=True, slots=True)

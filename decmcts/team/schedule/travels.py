@@ -12,19 +12,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.joint import UNIT_PRINT
-from decmcts._kernels.engine.routes import Bends, Rows, travel_levels
-from decmcts._kernels.geometry.travel import HeightField, deposit
-from decmcts._kernels.geometry.walls import Walls
 from decmcts.feasibility.packed_head import pack_contours, pack_head
 from decmcts.feasibility.travel import new_height_field
+from decmcts.feasibility.travel_kernels import HeightField, deposit
 from decmcts.print.contours import joined
 from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.walls import bare_pairs, retracted_paths
+from decmcts.print.walls_kernels import Walls
+from decmcts.team.engine.joint_kernels import UNIT_PRINT
 from decmcts.team.engine.order import UnitOrder
 from decmcts.team.engine.space import Space
+from decmcts.team.schedule.routes_kernels import Bends, Rows, travel_levels
 from decmcts.team.schedule.timing import kinds_of_tools
 
 

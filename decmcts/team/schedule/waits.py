@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.lags import Lags
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.motion import path_time, travel_feed
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan

@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import END_MM, Walls, over_walls
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import OUTER
+from decmcts.print.walls_kernels import END_MM, Walls, over_walls
 
 STRIP = np.array([1e5, 0.0])  # mm, more than any bed: each level has a part of the plane
 NO_POINTS = np.zeros((0, 3))

@@ -11,15 +11,6 @@ import numpy as np
 import pytest
 from numba import njit
 
-from decmcts._kernels.geometry.walls import SAME_Z_MM
-from decmcts._kernels.sequence.metric import (
-    Metric,
-    TimedBare,
-    costs_the_same_back,
-    distance,
-    price,
-    with_points,
-)
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.controller.duration import text_time
@@ -29,6 +20,15 @@ from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import retracts, walls_for
+from decmcts.print.walls_kernels import SAME_Z_MM
+from decmcts.search.sequence.metric_kernels import (
+    Metric,
+    TimedBare,
+    costs_the_same_back,
+    distance,
+    price,
+    with_points,
+)
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
 from tests.formats.gcode.conftest import CORPUS

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts._kernels.sequence.metric import distance
 from decmcts.cli.commands.plan import plan
 from decmcts.cli.commands.post import post
 from decmcts.cli.run import run
@@ -22,6 +21,7 @@ from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.planning.writing.file_times import source_time
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.metric_kernels import distance
 from sim.content.over_walls import over_walls_mm
 from sim.faults import FaultKind
 from sim.verify import verify_plan

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.tour import longest_hop, respects
-from decmcts._kernels.trees.clusters import (
+from decmcts.random_kernels import seeded
+from decmcts.search.baselines.mcts import clustered_problem, fresh_rollout
+from decmcts.search.baselines.mcts_kernels import (
     NO_NODE,
     ROOT,
     new_tree,
@@ -20,7 +20,7 @@ from decmcts._kernels.trees.clusters import (
     simulate_many,
     with_room,
 )
-from decmcts.search.baselines.mcts import clustered_problem, fresh_rollout
+from decmcts.search.sequence.tour_kernels import longest_hop, respects
 from tests.search.problems import random_problem, tour_cost
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts._kernels.exact.pricing import price_travels
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.search.bounds import certificate
 from decmcts.search.bounds.certificate import Ascent, lower_bound
+from decmcts.search.bounds.pricing_kernels import price_travels
 from decmcts.search.bounds.relaxation import WIDTH, Relaxation
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import Freedom, OrderProblem

@@ -8,15 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from decmcts._kernels.exact.ideals import WINDOW
-from decmcts._kernels.sequence.entries import visits_cost
-from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.bounds.exact import Capacity, Optimum, Patience, solve_exactly
+from decmcts.search.bounds.ideals_kernels import WINDOW
 from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.planners import plan_order
+from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import choices, price, random_problem, with_bare, with_loops, with_pace
 
 

@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
-from decmcts._kernels.exact.pricing import cover_mask
 from decmcts.feasibility.build import closure_of
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.bounds.exclusive_travels import ExclusiveTravels, find_exclusive_travels
+from decmcts.search.bounds.pricing_kernels import cover_mask
 
 
 def exclusive_of(graph: DependencyGraph, **limits: int) -> ExclusiveTravels:

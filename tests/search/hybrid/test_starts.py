@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from decmcts._kernels.sequence.entries import visits_cost
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
+from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.greedy import layer_runs
 from decmcts.search.sequence.problem import OrderProblem
 from tests.search.problems import random_problem, started, with_loops

@@ -10,20 +10,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.random import below, seeded, uniform
-from decmcts._kernels.sequence.anneal import anneal
-from decmcts._kernels.sequence.descent import descend
-from decmcts._kernels.sequence.insertion import try_insertion
-from decmcts._kernels.sequence.metric import costliest, distance
-from decmcts._kernels.sequence.moves import (
+from decmcts.random_kernels import below, seeded, uniform
+from decmcts.search.decomposition.descent_kernels import descend
+from decmcts.search.sequence.anneal_kernels import anneal
+from decmcts.search.sequence.insertion_kernels import try_insertion
+from decmcts.search.sequence.metric_kernels import costliest, distance
+from decmcts.search.sequence.moves_kernels import (
     Tour,
     apply_reversal,
     apply_swap,
     reversal_allowed,
     swap_allowed,
 )
-from decmcts._kernels.sequence.tour import respects
 from decmcts.search.sequence.problem import OrderProblem, Pace
+from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import price, random_problem, sliced_tour, tour_cost, with_bare
 
 

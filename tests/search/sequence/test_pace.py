@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from decmcts._kernels.sequence.metric import distance
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
 from decmcts.search.planners import plan_order
+from decmcts.search.sequence.metric_kernels import distance
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import Pace
 from decmcts.search.sequence.stopping import Stopping

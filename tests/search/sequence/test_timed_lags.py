@@ -10,25 +10,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.engine.lags import Lags
-from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.anneal import anneal
-from decmcts._kernels.sequence.descent import descend
-from decmcts._kernels.sequence.insertion import try_insertion
-from decmcts._kernels.sequence.moves import (
+from decmcts.print.lags_kernels import Lags
+from decmcts.random_kernels import seeded
+from decmcts.search.decomposition.blocks import Sequence, cut
+from decmcts.search.decomposition.descent_kernels import descend
+from decmcts.search.planners import KEEP_LAGS, PLANNERS, plan_order, toolpath_cost
+from decmcts.search.sequence.anneal_kernels import anneal
+from decmcts.search.sequence.insertion_kernels import try_insertion
+from decmcts.search.sequence.moves_kernels import (
     Tour,
     apply_reversal,
     apply_swap,
     reversal_allowed,
     swap_allowed,
 )
-from decmcts._kernels.sequence.tour import respects
-from decmcts.search.decomposition.blocks import Sequence, cut
-from decmcts.search.planners import KEEP_LAGS, PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
+from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import random_problem, sliced_tour, started, tour_cost, with_loops
 
 

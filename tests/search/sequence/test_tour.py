@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.sequence.entries import choose_visits
-from decmcts._kernels.sequence.tour import respects
+from decmcts.search.sequence.entries_kernels import choose_visits
+from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import random_problem, tour_cost
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.random_kernels import seeded
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sop.annealing import NearSteps, luby, quenched
+from decmcts.search.sop.annealing_kernels import Bare, Shares, anneal_bare
 from decmcts.search.sop.precedence import Precedence
 
 

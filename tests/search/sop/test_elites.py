@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from decmcts._kernels.random import seeded
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.random_kernels import seeded
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.annealing import SHARES, NearSteps
 from decmcts.search.sop.elites import EliteAnnealer, Elites

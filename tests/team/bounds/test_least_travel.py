@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.exact.chains import COVERED, FAR, UNRELATED, ancestry
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.bounds.chains_kernels import COVERED, FAR, UNRELATED, ancestry
 from decmcts.team.bounds.least_travel import FastestTravel, travel_shares
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.schedule.joint_plan import schedule

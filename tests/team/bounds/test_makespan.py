@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from decmcts._kernels.exact.chains import chain_behind, longest_chain
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.loops import enter_at
 from decmcts.print.machine import Slice
 from decmcts.print.seam import seam_entries
+from decmcts.search.bounds.chains_kernels import chain_behind, longest_chain
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.bounds.rail_bound import Held, rail_bound
 from decmcts.team.engine.problem import build_team_problem
@@ -34,7 +34,7 @@ def _listed(held: Held, gap: float, n: int) -> float:
         whole_low[i], whole_high[i] = low[mine].min(), high[mine].max()
 
     def fits(i: int, j: int) -> bool:
-        """One of two neighbours began later, with room for its whole contour."""
+        """One of two neighbours began later, with space for its whole contour."""
         return bool(high[i] + gap <= whole_low[j] or whole_high[i] + gap <= low[j])
 
     pieces = sorted(range(len(low)), key=lambda i: (low[i], high[i]))

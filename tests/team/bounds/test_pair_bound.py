@@ -79,14 +79,14 @@ def test_the_way_that_is_worth_less_counts() -> None:
     assert 5.0 - 1e-9 <= both < 8.0
 
 
-def test_rooms_are_rounded_so_that_heads_fit_more_easily() -> None:
-    """Few different rooms are quicker to match and never raise the bound."""
+def test_spaces_are_rounded_so_that_heads_fit_more_easily() -> None:
+    """Few different spaces are quicker to match and never raise the bound."""
     rng = np.random.default_rng(1)
     low = rng.uniform(10.0, 120.0, (300, 2))
     high, seconds = low + rng.uniform(1.0, 30.0, (300, 2)), rng.uniform(1, 9, 300)
     pieces = area(low, high, seconds, 2 * np.arange(300))
     fine = pair_bound(*pieces, ZERO, height_mm=1.0)
-    coarse = pair_bound(*pieces, ZERO, height_mm=1.0, most_rooms=40)
+    coarse = pair_bound(*pieces, ZERO, height_mm=1.0, most_spaces=40)
     assert float(seconds.sum()) / 2 - 1e-6 <= coarse <= fine
 
 
@@ -102,7 +102,7 @@ def test_two_heads_without_a_rail_are_bound_by_it(case_of: Callable[..., Any]) -
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_no_plan_of_two_gantries_is_faster(seed: int) -> None:
-    """Sensible and hostile plans, rooms whole and in pieces."""
+    """Sensible and hostile plans, spaces whole and in pieces."""
     for release in ("point", "action"):
         problem = problem_on(replace(ZERO, release=release), seed)
         bound = makespan_bound(problem.job, problem.machine, problem.graph)

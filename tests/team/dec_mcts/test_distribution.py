@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts._kernels.trees.dmcts import step_distribution
 from decmcts.team.dec_mcts.distribution import Candidates, PlanDistribution
 from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.dec_mcts.tree_kernels import step_distribution
 
 PLANS = tuple(np.array([k], np.int32) for k in range(4))
 FIVE = tuple(np.array([k], np.int32) for k in range(5))

@@ -103,7 +103,7 @@ def test_alone_it_prints_everything(problem: TeamProblem) -> None:
 
 @pytest.mark.slow
 def test_a_team_is_faster_than_one(problem: TeamProblem) -> None:
-    """The point of it all, on a print with room for two."""
+    """The point of it all, on a print with space for two."""
     joint = plan_in_turn(problem, stopping=Stopping(iterations=2), seed=0, parameters=FEW)
     one = DecMcts(problem, 0, seed=0)
     one.iterate([0])
@@ -171,13 +171,13 @@ def test_the_share_is_kept_by_the_count(problem: TeamProblem, share: float) -> N
     agent = DecMcts(problem, 0, seed=1, parameters=replace(FEW, share=share))
     while agent._try_policies((0, 1)):
         pass
-    before, allowed = agent._values.put, 0
+    before, allowed = agent._values.placed, 0
     for _ in range(3):
         agent._search((0, 1), agent._share())
         allowed += agent._share()
     order = len(problem.macro) + EACH
     one_update = (FEW.plans + 1) * 2 * order
-    assert 0 <= agent._values.put - before <= allowed + (one_update if share else 0)
+    assert 0 <= agent._values.placed - before <= allowed + (one_update if share else 0)
     assert agent._credit < order and allowed == pytest.approx(share / (1 - share) * 36_000, abs=3)
 
 
@@ -237,11 +237,11 @@ def test_polishing_begins_when_it_is_set_to(
     assert len(problem.macro) > dec_mcts.FEW
     while agent._try_policies((0, 1)):
         pass
-    before, order = agent._values.put, len(problem.macro) + EACH
+    before, order = agent._values.placed, len(problem.macro) + EACH
     agent.iterate([0, 1], 0.4)
     alone = first > 0.4 and share > 0.0
     assert (agent._polishing is None) == alone
-    assert (agent._values.put - before > dec_mcts.UNPOLISHED - order) == alone
+    assert (agent._values.placed - before > dec_mcts.UNPOLISHED - order) == alone
     agent.iterate([0, 1], 0.5)
     assert agent._polishing is not None
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.random import seeded
-from decmcts._kernels.refine.windows import batch_of, draw_windows
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.machines.machine_file import load_machine
+from decmcts.random_kernels import seeded
 from decmcts.team.dec_mcts.polish import Polish
 from decmcts.team.dec_mcts.warm_up import smallest_job, smallest_problem
+from decmcts.team.dec_mcts.windows_kernels import batch_of, draw_windows
 from decmcts.team.engine.plans import StatedOrder, encode, encode_stated
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import Resolved, resolve

@@ -92,6 +92,6 @@ def test_what_is_told_of_it_means_nothing_to_fewer_heads(problem: TeamProblem) -
     assert resolve(problem, {1: begun}, (1,)).makespan_s == alone
     plans = dict.fromkeys(HEADS, begun)
     agent._values.utility(0, plans, HEADS)
-    put = agent._values.put
+    placed = agent._values.placed
     agent._values.utility(0, {**plans, 1: np.append(begun, [0, 1, 0]).astype(np.int32)}, HEADS)
-    assert agent._values.put - put == len(problem.macro) + EACH
+    assert agent._values.placed - placed == len(problem.macro) + EACH

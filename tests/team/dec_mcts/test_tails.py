@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.replay import replay
-from decmcts._kernels.refine.tails import find_tails
 from decmcts.team.dec_mcts.polish import Polish
+from decmcts.team.dec_mcts.tails_kernels import find_tails
 from decmcts.team.engine.plans import StatedOrder, encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.replay_kernels import replay
 from decmcts.team.engine.resolve import resolve
 
 

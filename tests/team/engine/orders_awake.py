@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from decmcts._kernels.engine import dispatch
-from decmcts._kernels.engine.lags import Lags
+from decmcts.print.lags_kernels import Lags
+from decmcts.team.engine import dispatch_kernels as dispatch
 from decmcts.team.engine.plans import encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
@@ -35,7 +35,7 @@ def cooling(problem: TeamProblem) -> TeamProblem:
 
 
 def rouse(r: int, start: float, *given: Any) -> None:
-    """Let all other heads decide again, whatever head r has put."""
+    """Let all other heads decide again, whatever head r has placed."""
     pool = given[-1]
     for s in range(len(pool.decides_at)):
         if s != r:

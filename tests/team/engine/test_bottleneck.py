@@ -1,4 +1,4 @@
-"""The window along a rail in which too few heads find room."""
+"""The window along a rail in which too few heads find space."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_two_heads_hinder_each_other_within_one_separation() -> None:
     assert bottleneck(boxes, heavy, machine).tolist() == [False, False, True, False]
 
 
-def test_more_heads_find_room_in_wider_windows() -> None:
+def test_more_heads_find_space_in_wider_windows() -> None:
     """Eight heads: what is the most work for each of those that fit."""
     machine = load_machine("rail-8")
     apart = machine.rails[0].separation_mm

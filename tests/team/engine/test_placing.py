@@ -21,7 +21,7 @@ MIDDLE = (82.5, 80.0)
 def test_a_print_in_the_way_of_parked_heads_fits_elsewhere(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Heads park in two corners of a small bed; a few millimetres beside its middle is room."""
+    """Heads park in two corners of a small bed; a few millimetres beside its middle is space."""
     path = slab(tmp_path / "in.gcode", wide=96.0, deep=92.0, middle=MIDDLE)
     machine, job = load_machine("dueling-zero"), read_gcode(path)[0]
     assert not able_heads(job, machine).any(axis=1).all()
@@ -36,6 +36,6 @@ def test_a_print_in_the_way_of_parked_heads_fits_elsewhere(
 
 
 def test_what_is_too_large_for_every_place_is_not_sent_elsewhere(tmp_path: Path) -> None:
-    """A loop nearly as large as the bed leaves no room to park in."""
+    """A loop nearly as large as the bed leaves no space to park in."""
     path = slab(tmp_path / "in.gcode", wide=150.0, deep=140.0, middle=MIDDLE)
     assert place_that_fits(read_gcode(path)[0], load_machine("dueling-zero")) is None

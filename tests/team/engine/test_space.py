@@ -1,4 +1,4 @@
-"""The room heads need, against boxes moved by hand."""
+"""The space heads need, against boxes moved by hand."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.aside import path_from_parks
-from decmcts._kernels.engine.carry_out import eligible_heads
-from decmcts._kernels.engine.joint import Visits
-from decmcts._kernels.engine.lags import no_lags
-from decmcts._kernels.engine.rooms import meet
-from decmcts._kernels.geometry.pieces import cut_pieces
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.print.lags_kernels import no_lags
 from decmcts.print.machine import Body, Head, Machine, Rail
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.plan import PlanDocument
 from decmcts.team.dec_mcts.warm_up import smallest_job
+from decmcts.team.engine.aside_kernels import path_from_parks
+from decmcts.team.engine.carry_out_kernels import eligible_heads
+from decmcts.team.engine.joint_kernels import Visits
+from decmcts.team.engine.pieces_kernels import cut_pieces
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.engine.space import body_boxes, build_space, fleet_of, relation_of, whole_pieces
+from decmcts.team.engine.spaces_kernels import meet
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
@@ -42,24 +42,24 @@ def loose(case: Callable[..., Any]) -> Machine:
 
 
 def near(machine: Machine, a: np.ndarray, b: np.ndarray, r: int = 0, s: int = 1) -> bool:
-    """Whether head r in room a and head s in room b could meet."""
+    """Whether head r in space a and head s in space b could meet."""
     relation = relation_of(machine, r, s)
     return bool(meet(a, b, relation, 0, len(relation)))
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_clear_rooms_keep_bodies_apart(loose: Machine, seed: int) -> None:
-    """Two rooms are clear just if no body or slice moved through one meets one in the other."""
+def test_clear_spaces_keep_bodies_apart(loose: Machine, seed: int) -> None:
+    """Two spaces are clear just if no body or slice moved through one meets one in the other."""
     rng = np.random.default_rng(seed)
     boxes = [body_boxes(head) for head in loose.heads]
     for _ in range(200):
-        rooms = np.sort(rng.uniform(0, 60, (2, 3, 2)), axis=2).reshape(2, 6)
-        swept = [box + room for box, room in zip(boxes, rooms, strict=True)]
+        spaces = np.sort(rng.uniform(0, 60, (2, 3, 2)), axis=2).reshape(2, 6)
+        swept = [box + space for box, space in zip(boxes, spaces, strict=True)]
         low = np.maximum(swept[0][:, None, 0::2], swept[1][None, :, 0::2])
         high = np.minimum(swept[0][:, None, 1::2], swept[1][None, :, 1::2])
         meets = bool((low - high < 2.0).all(axis=2).any())
-        assert near(loose, rooms[0], rooms[1]) == meets
-        assert near(loose, rooms[1], rooms[0], 1, 0) == meets
+        assert near(loose, spaces[0], spaces[1]) == meets
+        assert near(loose, spaces[1], spaces[0], 1, 0) == meets
 
 
 def test_a_rail_keeps_the_order(case: Callable[..., Any]) -> None:
@@ -96,7 +96,7 @@ def test_one_body_may_pass_below_another(case: Callable[..., Any]) -> None:
     assert near(machine, here, here + np.array([10.0, 10, 0, 0, -25, -25]))
 
 
-def test_tools_and_room_limit_who_may_print(case_of: Callable[..., Any]) -> None:
+def test_tools_and_space_limit_who_may_print(case_of: Callable[..., Any]) -> None:
     """A head without the tool may not, nor one that the others cannot make way for."""
     chosen = case_of([(50, 10, 0.5), (60, 10, 0.5)], [(100, 10, 0.5), (105, 10, 0.5)])
     heads = list(chosen.machine.heads)
@@ -182,7 +182,7 @@ def test_who_cannot_get_out_of_the_way_bars_it(case_of: Callable[..., Any]) -> N
     wide = Body("beam", (-8.0, -400.0, 5.0), (8.0, 400.0, 9.0))
     heads = [replace(head, bodies=(wide,), reach_min=(-1e6,) * 3, reach_max=(1e6,) * 3)
              for head in chosen.machine.heads]  # fmt: skip
-    heads[1] = replace(heads[1], park=(2.0, 30.0, 5.0))  # room is only beyond the bed
+    heads[1] = replace(heads[1], park=(2.0, 30.0, 5.0))  # space is only beyond the bed
     machine = replace(chosen.machine, heads=tuple(heads), rails=())
     assert build_space(chosen.job, machine).eligible.tolist() == [[False, True]]
 

@@ -32,7 +32,7 @@ def test_each_joint_plan_is_resolved_once(problem: TeamProblem) -> None:
     assert not values.knows(plans, TEAM)
     found = values.makespan(plans, TEAM)
     assert found == resolve(problem, plans, TEAM).makespan_s == values.makespan(plans, TEAM)
-    assert values.knows(plans, TEAM) and values.put == len(problem.macro) + EACH
+    assert values.knows(plans, TEAM) and values.placed == len(problem.macro) + EACH
 
 
 def test_the_best_is_kept_and_the_best_that_states_no_order(problem: TeamProblem) -> None:
@@ -60,4 +60,4 @@ def test_heads_that_cannot_print_everything_are_worth_nothing(case_of: Callable[
         assert values.makespan({r: plans[r]}, (r,)) == np.inf
         assert values.value({r: plans[r]}, (r,)) == 0.0
         assert values.utility(1 - r, plans, TEAM) == values.value(plans, TEAM)
-    assert values.put == len(problem.macro) + EACH
+    assert values.placed == len(problem.macro) + EACH

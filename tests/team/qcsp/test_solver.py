@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.refine.qcsp import SPREAD, decode, find_loads
 from decmcts.formats.bare.qcsp import QcspProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of
 from decmcts.team.qcsp.solver import _threads_of, search_qcsp
+from decmcts.team.qcsp.solver_kernels import SPREAD, decode, find_loads
 from sim.qcsp import faults_of
 from tests.team.qcsp.problems import problem_of
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.lags import no_lags
 from decmcts.feasibility.rules import order_rules
+from decmcts.print.lags_kernels import no_lags
 from decmcts.print.seam import seam_entries
 from decmcts.team.engine.plans import TUNED, encode
 from decmcts.team.engine.problem import build_team_problem

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Head, Machine, Slice
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath

@@ -10,10 +10,10 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.lags import no_lags
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.rules import order_rules
 from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import no_lags
 from decmcts.print.loops import enter_at
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import OrderRules, PlanDocument

@@ -13,13 +13,13 @@ import pytest
 from shapely import LineString, MultiPoint
 from shapely.affinity import translate
 
-from decmcts._kernels.engine.rooms import travel_seconds
 from decmcts.errors import InputError
 from decmcts.print.motion import filament_time
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.engine.alone import one_head_toolpaths
 from decmcts.team.engine.space import build_space, printing_times, travel_row
+from decmcts.team.engine.spaces_kernels import travel_seconds
 from decmcts.team.schedule import travels
 from decmcts.team.schedule.joint_plan import schedule
 
@@ -257,7 +257,7 @@ def test_a_head_in_the_way_steps_aside(case_of: Callable[..., Any]) -> None:
 
 
 def test_wide_contours_are_printed_alone(case_of: Callable[..., Any]) -> None:
-    """A contour across the bed leaves no room for the other head but its park."""
+    """A contour across the bed leaves no space for the other head but its park."""
     wide = [[(15.0, 10.0 + k, 0.5), (105.0, 10.0 + k, 0.5)] for k in range(4)]
     chosen = case_of(*wide)
     pick = [np.array([0, 2], np.int32), np.array([1, 3], np.int32)]

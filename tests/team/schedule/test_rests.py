@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.engine.lags import Lags, no_lags
+from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.plans import StatedOrder, encode_stated

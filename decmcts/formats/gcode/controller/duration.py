@@ -12,8 +12,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
-from decmcts._kernels.geometry.walls import Walls, over_walls
 from decmcts.formats.gcode.controller.limits import (
     FirmwareRetraction,
     parameters,
@@ -22,6 +20,7 @@ from decmcts.formats.gcode.controller.limits import (
     stated_limits,
 )
 from decmcts.formats.gcode.controller.motion import Motion, interpret
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.text.lines import Lines, split_lines
@@ -30,6 +29,7 @@ from decmcts.print.brief import brief
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program
 from decmcts.print.walls import has_walls
+from decmcts.print.walls_kernels import Walls, over_walls
 
 DOT_MM = 0.2  # of filament beyond what was pulled; less restarts the flow
 FEW_DOTS = 2  # places with dots before the first bead; at fewer the nozzle is primed

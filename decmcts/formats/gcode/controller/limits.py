@@ -15,7 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.motion.blocks import (
+from decmcts.formats.gcode.controller.state import Track
+from decmcts.formats.gcode.document import StateTable
+from decmcts.print.machine import MotionLimits
+from decmcts.print.motion import limit_row
+from decmcts.print.motion_kernels import (
     ACCELERATION,
     DEVIATION,
     FACTOR,
@@ -25,10 +29,6 @@ from decmcts._kernels.motion.blocks import (
     RETRACTING,
     TRAVELLING,
 )
-from decmcts.formats.gcode.controller.state import Track
-from decmcts.formats.gcode.document import StateTable
-from decmcts.print.machine import MotionLimits
-from decmcts.print.motion import limit_row
 
 FASTEST = 2000.0  # mm/s; M203 beyond it counts in mm/min (RepRapFirmware)
 _SETTING = re.compile(rb"; ((?:machine_|gcode_flavor)\w*)[ \t]*=[ \t]*([^\r\n]*)")

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode import arcs as curves
-from decmcts._kernels.gcode import moves as kernels
-from decmcts._kernels.gcode import scan
 from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
+from decmcts.formats.gcode.controller import arcs_kernels as curves
+from decmcts.formats.gcode.controller import moves_kernels as kernels
 from decmcts.formats.gcode.controller.refused import refuse_meanings
 from decmcts.formats.gcode.document import NO_ARC, Arcs
+from decmcts.formats.gcode.text import scan_kernels as scan
 from decmcts.formats.gcode.text.lines import Lines
 
 CHORD_ERROR_MM = 0.005

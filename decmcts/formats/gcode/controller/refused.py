@@ -11,7 +11,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode import scan
+from decmcts.formats.gcode.text import scan_kernels as scan
 from decmcts.formats.gcode.text.lines import Lines, further_axis
 
 _FRAMES = {  # G command times ten: what it means, and the one that takes it back

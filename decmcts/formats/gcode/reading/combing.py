@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import SAME_Z_MM
 from decmcts.print.contours import Contours
 from decmcts.print.job import ProcessSettings
 from decmcts.print.walls import bare_pairs, outer_walls
+from decmcts.print.walls_kernels import SAME_Z_MM
 
 HABIT_SHARE = 0.8  # of the long travels inside the part that must be bare
 LEAST_SEEN = 5  # of them, where no setting names the habit; of changes to a next layer, always

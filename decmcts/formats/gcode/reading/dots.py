@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.contours import MOVED, PUSHED
-from decmcts._kernels.gcode.moves import RELATIVE_XYZ
 from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_XYZ
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.roles import role_of
+from decmcts.formats.gcode.reading.grouping_kernels import MOVED, PUSHED
 from decmcts.print.contours import Role
 
 DOT_MM = 1e-3  # of filament beyond what is retracted; less is rounding

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.contours import group_moves
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.reading.dots import beyond_retracted, laying_moves
+from decmcts.formats.gcode.reading.grouping_kernels import group_moves
 from decmcts.formats.gcode.text.lines import Lines
 
 PURGE_MOVES = 20  # a start G-code extrudes no more often before its last set-up command

@@ -8,10 +8,9 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
-from decmcts._kernels.motion.blocks import TRAVELLING
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.stated_times import silent_share
 from decmcts.formats.gcode.document import Habits
@@ -19,6 +18,7 @@ from decmcts.formats.gcode.reading.grouping import Runs
 from decmcts.formats.gcode.reading.ledger import PULLED, Gaps
 from decmcts.formats.gcode.text.lines import Lines
 from decmcts.print.job import ProcessSettings, Retraction
+from decmcts.print.motion_kernels import TRAVELLING
 
 ALIKE = 0.01  # share by which the habits of two tools may differ and be one
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all

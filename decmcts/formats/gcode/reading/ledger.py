@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import TOOL
 from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.moves_kernels import TOOL
 from decmcts.formats.gcode.reading.grouping import Runs
 
 DEPOSIT_MM = 0.2  # filament left in a gap beyond the habit: a blob, not a retraction

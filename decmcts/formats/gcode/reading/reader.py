@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
-from decmcts._kernels.motion.blocks import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, interpret
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
@@ -37,6 +36,7 @@ from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limits_of
+from decmcts.print.motion_kernels import PRINTING
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
 REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after

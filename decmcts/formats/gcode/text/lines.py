@@ -1,6 +1,6 @@
 """The lines of a G-code file as arrays, and the faults a line can have.
 
-The scanning itself is `decmcts._kernels.gcode.scan`; this is its typed front.
+The scanning itself is `decmcts.formats.gcode.text.scan_kernels`; this is its typed front.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode import scan
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
+from decmcts.formats.gcode.text import scan_kernels as scan
 
 LARGEST_E_MM = 1e9  # of absolute E, which may count for years
 LARGEST_RADIUS_MM = 1e6  # nearly straight arcs have their centre far away

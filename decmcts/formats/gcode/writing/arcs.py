@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from decmcts._kernels.geometry.loops import SLIVER_MM, Rotated
 from decmcts.formats.gcode.document import NO_ARC, GcodeDocument
 from decmcts.print.contours import Contours
+from decmcts.print.loops_kernels import SLIVER_MM, Rotated
 
 
 class ArcRun(NamedTuple):

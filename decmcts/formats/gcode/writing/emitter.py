@@ -15,13 +15,13 @@ from operator import add
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import Walls
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.formats.gcode.dialects.layers import LayerWords, layer_words
 from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
 from decmcts.formats.gcode.writing.wipes import first_part, level_part
 from decmcts.print.job import DEFAULT_TRAVEL, ProcessSettings
 from decmcts.print.walls import no_walls, retracts
+from decmcts.print.walls_kernels import Walls
 
 NEAR_MM = 1e-3  # two positions this near are one
 ROUNDING_MM = 1e-3  # of filament; less is not worth a line

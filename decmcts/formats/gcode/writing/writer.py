@@ -14,7 +14,6 @@ from typing import BinaryIO, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.loops import Rotated
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import SPLIT_MARK
 from decmcts.formats.gcode.dialects.stated_times import without_progress
@@ -27,6 +26,7 @@ from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.progress import Progress
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import traversal
+from decmcts.print.loops_kernels import Rotated
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import walls_for
 

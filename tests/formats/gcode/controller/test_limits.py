@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from decmcts._kernels.motion import blocks as columns
 from decmcts.formats.gcode.controller.limits import parameters, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import interpret
 from decmcts.formats.gcode.controller.state import track_state
 from decmcts.formats.gcode.text.lines import split_lines
+from decmcts.print import motion_kernels as columns
 from decmcts.print.machine import MotionLimits
 
 USUAL = MotionLimits()

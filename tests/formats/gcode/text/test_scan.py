@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts._kernels.gcode.scan import parse_number
+from decmcts.formats.gcode.text.scan_kernels import parse_number
 
 
 @pytest.mark.parametrize("read", [parse_number, parse_number.py_func], ids=["compiled", "python"])

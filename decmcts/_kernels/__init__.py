@@ -1,1 +1,0 @@
-"""Compiled loops on plain arrays; nothing here imports the rest of the project."""

@@ -1,1 +1,0 @@
-"""Several heads' plans carried out: who waits, steps aside and begins when."""

@@ -1,1 +1,0 @@
-"""Best orders and directions of few contours, and bounds of many."""

@@ -1,1 +1,0 @@
-"""Reading lines of G-code, moves and contours."""

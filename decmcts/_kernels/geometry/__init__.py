@@ -1,1 +1,0 @@
-"""Shapes: what a head hits, walls, seams, safe travels."""

@@ -1,1 +1,0 @@
-"""Time of moves, as a firmware plans them."""

@@ -1,1 +1,0 @@
-"""Joint orders of several heads made better."""

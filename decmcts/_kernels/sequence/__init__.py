@@ -1,1 +1,0 @@
-"""One head's order: what it costs, and moves that change it."""

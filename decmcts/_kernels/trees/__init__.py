@@ -1,1 +1,0 @@
-"""Trees and beams over orders, and greedy starts."""

@@ -1,0 +1,328 @@
+"""Does one contour's bead block the head at another contour: exact convex geometry.
+
+The definition is "Blocked" in docs/definitions.md: for bead segment q, nozzle
+segment p and slice k the set q_xy - p_xy is a parallelogram, and it is blocked
+iff that parallelogram comes within clearance + w/2 of the slice's polygon and
+the bead's highest z is above the nozzle's lowest z + h_k. Nothing here knows
+about graphs or orders.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.compiled import kernel
+
+CHUNK = 16  # segments a chunk box covers: rejects most of a long contour at once
+Z_EPS = 1e-6  # mm, material at the nozzle's own height does not block
+
+
+class PackedHead(NamedTuple):
+    """All slices of one or several heads as flat convex polygons, ascending height."""
+
+    heights: NDArray[np.float64]  # (m,) mm above the tip
+    offsets: NDArray[np.int64]  # (m + 1,) polygon k owns vertices[offsets[k]:offsets[k + 1]]
+    vertices: NDArray[np.float64]  # (v, 2) counter-clockwise, nozzle at the origin
+    normals: NDArray[np.float64]  # (v, 2) outward unit normal of the edge that starts here
+    levels: NDArray[np.float64]  # (v,) normal . vertex: the edge's support value
+    boxes: NDArray[np.float64]  # (m, 4) xmin, ymin, xmax, ymax
+
+
+class Beads(NamedTuple):
+    """Contours as the kernels see them. Boxes are xmin, ymin, xmax, ymax, zmin, zmax."""
+
+    points: NDArray[np.float64]  # (n_points, 3)
+    offsets: NDArray[np.int64]  # (n + 1,)
+    radius: NDArray[np.float64]  # (n,) clearance + half the width
+    boxes: NDArray[np.float64]  # (n, 6) of the centreline
+    chunk_offsets: NDArray[np.int64]  # (n + 1,)
+    chunk_boxes: NDArray[np.float64]  # (n_chunks, 6)
+
+
+@kernel
+def box_points(
+    points: NDArray[np.float64], first: int, last: int, box: NDArray[np.float64]
+) -> None:
+    """Write into `box` the bounds of points[first:last]."""
+    for axis in range(3):
+        low = points[first, axis]
+        high = low
+        for i in range(first + 1, last):
+            low = min(low, points[i, axis])
+            high = max(high, points[i, axis])
+        if axis < 2:
+            box[axis] = low
+            box[axis + 2] = high
+        else:
+            box[4] = low
+            box[5] = high
+
+
+@kernel
+def fill_boxes(
+    points: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    boxes: NDArray[np.float64],
+    chunk_offsets: NDArray[np.int64],
+    chunk_boxes: NDArray[np.float64],
+) -> None:
+    """Write the bounds of each contour and of each chunk of its segments."""
+    for i in range(len(offsets) - 1):
+        box_points(points, offsets[i], offsets[i + 1], boxes[i])
+        for chunk in range(chunk_offsets[i], chunk_offsets[i + 1]):
+            first = offsets[i] + (chunk - chunk_offsets[i]) * CHUNK
+            box_points(points, first, min(first + CHUNK + 1, offsets[i + 1]), chunk_boxes[chunk])
+
+
+@kernel
+def box_reaches(
+    material: NDArray[np.float64],
+    i: int,
+    nozzle: NDArray[np.float64],
+    j: int,
+    head: PackedHead,
+    k: int,
+    r: float,
+) -> bool:
+    """Tell whether material box i may block polygon k of the head somewhere in nozzle box j."""
+    return bool(
+        material[i, 5] > nozzle[j, 4] + head.heights[k] + Z_EPS
+        and material[i, 0] - nozzle[j, 2] <= head.boxes[k, 2] + r
+        and material[i, 2] - nozzle[j, 0] >= head.boxes[k, 0] - r
+        and material[i, 1] - nozzle[j, 3] <= head.boxes[k, 3] + r
+        and material[i, 3] - nozzle[j, 1] >= head.boxes[k, 1] - r
+    )
+
+
+@kernel
+def inside(x: float, y: float, head: PackedHead, k: int) -> bool:
+    """Tell whether (x, y) lies in polygon k."""
+    for e in range(head.offsets[k], head.offsets[k + 1]):
+        if head.normals[e, 0] * x + head.normals[e, 1] * y > head.levels[e]:
+            return False
+    return True
+
+
+@kernel
+def point_segment2(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the squared distance of a point from a segment."""
+    ux = bx - ax
+    uy = by - ay
+    length2 = ux * ux + uy * uy
+    t = 0.0
+    if length2 > 0.0:
+        t = min(1.0, max(0.0, ((px - ax) * ux + (py - ay) * uy) / length2))
+    dx = px - ax - t * ux
+    dy = py - ay - t * uy
+    return dx * dx + dy * dy
+
+
+@kernel
+def separated_by_slice(quad: NDArray[np.float64], head: PackedHead, k: int, r: float) -> bool:
+    """Tell whether an edge of polygon k keeps all of the quad farther than r."""
+    for e in range(head.offsets[k], head.offsets[k + 1]):
+        least = np.inf
+        for i in range(4):
+            least = min(least, head.normals[e, 0] * quad[i, 0] + head.normals[e, 1] * quad[i, 1])
+        if least > head.levels[e] + r:
+            return True
+    return False
+
+
+@kernel
+def separated_by_quad(quad: NDArray[np.float64], head: PackedHead, k: int) -> bool:
+    """Tell whether an edge of the parallelogram separates it from polygon k."""
+    for side in range(2):
+        nx = -(quad[1 + 2 * side, 1] - quad[0, 1])
+        ny = quad[1 + 2 * side, 0] - quad[0, 0]
+        low = np.inf
+        high = -np.inf
+        for i in range(4):
+            value = nx * quad[i, 0] + ny * quad[i, 1]
+            low = min(low, value)
+            high = max(high, value)
+        slice_low = np.inf
+        slice_high = -np.inf
+        for v in range(head.offsets[k], head.offsets[k + 1]):
+            value = nx * head.vertices[v, 0] + ny * head.vertices[v, 1]
+            slice_low = min(slice_low, value)
+            slice_high = max(slice_high, value)
+        if low > slice_high or high < slice_low:
+            return True
+    return False
+
+
+@kernel
+def boundary_near(quad: NDArray[np.float64], head: PackedHead, k: int, r: float) -> bool:
+    """Tell whether the outlines of quad and polygon k come within r of each other.
+
+    For disjoint convex shapes the nearest pair contains a vertex of one of them.
+    """
+    first = head.offsets[k]
+    count = head.offsets[k + 1] - first
+    for i in range(4):
+        ax, ay = quad[i, 0], quad[i, 1]
+        bx, by = quad[(i + 1) % 4, 0], quad[(i + 1) % 4, 1]
+        for v in range(count):
+            vx, vy = head.vertices[first + v, 0], head.vertices[first + v, 1]
+            after = first + (v + 1) % count
+            wx, wy = head.vertices[after, 0], head.vertices[after, 1]
+            if point_segment2(vx, vy, ax, ay, bx, by) <= r * r:
+                return True
+            if point_segment2(ax, ay, vx, vy, wx, wy) <= r * r:
+                return True
+    return False
+
+
+@kernel
+def quad_meets(quad: NDArray[np.float64], head: PackedHead, k: int, r: float) -> bool:
+    """Tell whether the parallelogram comes within r of polygon k."""
+    for i in range(4):
+        if inside(quad[i, 0], quad[i, 1], head, k):
+            return True
+    if separated_by_slice(quad, head, k, r):
+        return False
+    if not separated_by_slice(quad, head, k, 0.0) and not separated_by_quad(quad, head, k):
+        return True
+    return boundary_near(quad, head, k, r)
+
+
+@kernel
+def segment_blocks(
+    points: NDArray[np.float64],
+    q: int,
+    p: int,
+    head: PackedHead,
+    k: int,
+    r: float,
+    quad: NDArray[np.float64],
+) -> bool:
+    """Tell whether bead segment q..q+1 blocks slice polygon k on nozzle segment p..p+1.
+
+    Overwrites `quad`, a (4, 2) scratch array.
+    """
+    if max(points[q, 2], points[q + 1, 2]) <= (
+        min(points[p, 2], points[p + 1, 2]) + head.heights[k] + Z_EPS
+    ):
+        return False
+    for axis in range(2):
+        low = min(points[q, axis], points[q + 1, axis]) - max(points[p, axis], points[p + 1, axis])
+        high = max(points[q, axis], points[q + 1, axis]) - min(points[p, axis], points[p + 1, axis])
+        if low > head.boxes[k, axis + 2] + r or high < head.boxes[k, axis] - r:
+            return False
+    for axis in range(2):
+        quad[0, axis] = points[q, axis] - points[p, axis]
+        quad[1, axis] = points[q + 1, axis] - points[p, axis]
+        quad[2, axis] = points[q + 1, axis] - points[p + 1, axis]
+        quad[3, axis] = points[q, axis] - points[p + 1, axis]
+    return quad_meets(quad, head, k, r)
+
+
+@kernel
+def segment_reaches(
+    points: NDArray[np.float64],
+    q: int,
+    nozzle: NDArray[np.float64],
+    j: int,
+    head: PackedHead,
+    k: int,
+    r: float,
+) -> bool:
+    """Tell whether bead segment q..q+1 may block polygon k somewhere in nozzle box j.
+
+    The tests of `segment_blocks`, operation by operation: rounding cannot make it refuse
+    what that would accept for a segment in the box.
+    """
+    if max(points[q, 2], points[q + 1, 2]) <= nozzle[j, 4] + head.heights[k] + Z_EPS:
+        return False
+    for axis in range(2):
+        low = min(points[q, axis], points[q + 1, axis]) - nozzle[j, axis + 2]
+        high = max(points[q, axis], points[q + 1, axis]) - nozzle[j, axis]
+        if low > head.boxes[k, axis + 2] + r or high < head.boxes[k, axis] - r:
+            return False
+    return True
+
+
+@kernel
+def chunk_blocks(
+    beads: Beads,
+    b: int,
+    chunk_b: int,
+    a: int,
+    chunk_a: int,
+    head: PackedHead,
+    k: int,
+    quad: NDArray[np.float64],
+) -> bool:
+    """Tell whether a chunk of b's bead blocks polygon k on a chunk of a.
+
+    The tests of `segment_reaches` and `segment_blocks` by boxes stand here with bare numbers,
+    operation by operation: a call that hands over all the arrays costs more than they do.
+    """
+    q_first = beads.offsets[b] + (chunk_b - beads.chunk_offsets[b]) * CHUNK
+    p_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
+    q_last = min(q_first + CHUNK, beads.offsets[b + 1] - 1)
+    p_last = min(p_first + CHUNK, beads.offsets[a + 1] - 1)
+    points, boxes, r = beads.points, beads.chunk_boxes, beads.radius[b]
+    height, lowest = head.heights[k], boxes[chunk_a, 4]
+    x_least, y_least = head.boxes[k, 0] - r, head.boxes[k, 1] - r
+    x_most, y_most = head.boxes[k, 2] + r, head.boxes[k, 3] + r
+    for q in range(q_first, q_last):
+        x, y, z = points[q, 0], points[q, 1], points[q, 2]
+        x_to, y_to, z_to = points[q + 1, 0], points[q + 1, 1], points[q + 1, 2]
+        x_low, x_high = min(x, x_to), max(x, x_to)
+        y_low, y_high, top = min(y, y_to), max(y, y_to), max(z, z_to)
+        if (
+            top <= lowest + height + Z_EPS
+            or x_low - boxes[chunk_a, 2] > x_most
+            or x_high - boxes[chunk_a, 0] < x_least
+            or y_low - boxes[chunk_a, 3] > y_most
+            or y_high - boxes[chunk_a, 1] < y_least
+        ):
+            continue
+        for p in range(p_first, p_last):
+            if (
+                x_low - max(points[p, 0], points[p + 1, 0]) > x_most
+                or x_high - min(points[p, 0], points[p + 1, 0]) < x_least
+                or y_low - max(points[p, 1], points[p + 1, 1]) > y_most
+                or y_high - min(points[p, 1], points[p + 1, 1]) < y_least
+            ):
+                continue
+            if segment_blocks(points, q, p, head, k, r, quad):
+                return True
+    return False
+
+
+@kernel
+def polygon_blocks(
+    beads: Beads, b: int, a: int, head: PackedHead, k: int, quad: NDArray[np.float64]
+) -> bool:
+    """Tell whether contour b's bead blocks polygon k anywhere on contour a."""
+    r = beads.radius[b]
+    for chunk_b in range(beads.chunk_offsets[b], beads.chunk_offsets[b + 1]):
+        if not box_reaches(beads.chunk_boxes, chunk_b, beads.boxes, a, head, k, r):
+            continue
+        for chunk_a in range(beads.chunk_offsets[a], beads.chunk_offsets[a + 1]):
+            if box_reaches(
+                beads.chunk_boxes, chunk_b, beads.chunk_boxes, chunk_a, head, k, r
+            ) and chunk_blocks(beads, b, chunk_b, a, chunk_a, head, k, quad):
+                return True
+    return False
+
+
+@kernel
+def blocking_polygon(
+    beads: Beads, b: int, a: int, head: PackedHead, quad: NDArray[np.float64]
+) -> int:
+    """Return the first polygon of the head that b's bead blocks somewhere on a, or -1."""
+    for k in range(len(head.heights)):
+        if beads.boxes[b, 5] <= beads.boxes[a, 4] + head.heights[k] + Z_EPS:
+            return -1
+        if box_reaches(beads.boxes, b, beads.boxes, a, head, k, beads.radius[b]) and polygon_blocks(
+            beads, b, a, head, k, quad
+        ):
+            return k
+    return -1

@@ -1,0 +1,173 @@
+"""Contacts of the source: where in its own order a bead stands in the way of the head.
+
+A contour a blocks the head at a later contour b, and the source prints a first all the
+same: the ramp of a scarf seam runs below the wall beside it. How deep that is, is measured
+from the tip upwards to the top of the bead. Which depth is allowed is said in
+`decmcts.feasibility.contacts`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.compiled import kernel
+from decmcts.feasibility.clearance_kernels import (
+    CHUNK,
+    Z_EPS,
+    Beads,
+    PackedHead,
+    box_reaches,
+    segment_blocks,
+    segment_reaches,
+)
+from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words, touches
+
+
+class Contacts(NamedTuple):
+    """A growing list of pairs a < b of which a blocks the head at b in the source's order."""
+
+    pairs: NDArray[np.int32]  # (capacity, 2)
+    depth: NDArray[np.float64]  # (capacity,) mm that a stands above the tip
+    beside: NDArray[np.bool_]  # (capacity,) whether the beads of the two touch
+    used: NDArray[np.int64]  # (1,) how many of the capacity
+
+
+class Limits(NamedTuple):
+    """How deep a contact may be."""
+
+    most: NDArray[np.float64]  # (n,) mm, with this contour's bead
+    layer: NDArray[np.int32]  # (n,)
+    within: float  # mm, on one layer; the larger of the two counts
+    width: NDArray[np.float64]  # (n,) mm, of the beads
+
+
+@kernel
+def fill_danger(
+    beads: Beads, head: PackedHead, b: int, r: float, danger: NDArray[np.float64]
+) -> None:
+    """Write where, by boxes, material may block polygons at b: xmin, ymin, xmax, ymax, zmin."""
+    for k in range(len(head.heights)):
+        for axis in range(2):
+            danger[k, axis] = beads.boxes[b, axis] + head.boxes[k, axis] - r
+            danger[k, axis + 2] = beads.boxes[b, axis + 2] + head.boxes[k, axis + 2] + r
+        danger[k, 4] = beads.boxes[b, 4] + head.heights[k] + Z_EPS
+
+
+@kernel
+def in_danger(boxes: NDArray[np.float64], i: int, danger: NDArray[np.float64]) -> bool:
+    """Tell whether box i lies within any row of `danger`."""
+    for k in range(len(danger)):
+        if boxes[i, 5] <= danger[k, 4]:
+            return False
+        if (
+            boxes[i, 0] <= danger[k, 2]
+            and boxes[i, 2] >= danger[k, 0]
+            and boxes[i, 1] <= danger[k, 3]
+            and boxes[i, 3] >= danger[k, 1]
+        ):
+            return True
+    return False
+
+
+@kernel
+def contact_depth(
+    beads: Beads, a: int, b: int, head: PackedHead, most: float, quad: NDArray[np.float64]
+) -> tuple[float, int]:
+    """Return how far a's bead stands above the tip where it blocks the head at b, and the polygon.
+
+    The greatest over all segments, mm, 0 and -1 where it does not block; the first above `most`
+    ends the search.
+    """
+    depth, polygon = 0.0, -1
+    for k in range(len(head.heights)):
+        if not box_reaches(beads.boxes, a, beads.boxes, b, head, k, beads.radius[a]):
+            continue
+        for chunk_a in range(beads.chunk_offsets[a], beads.chunk_offsets[a + 1]):
+            if not box_reaches(
+                beads.chunk_boxes, chunk_a, beads.boxes, b, head, k, beads.radius[a]
+            ):
+                continue
+            for chunk_b in range(beads.chunk_offsets[b], beads.chunk_offsets[b + 1]):
+                if beads.chunk_boxes[chunk_a, 5] - beads.chunk_boxes[chunk_b, 4] <= depth:
+                    continue
+                found = chunk_depth(beads, a, chunk_a, b, chunk_b, head, k, depth, quad)
+                if found > depth:
+                    depth, polygon = found, k
+                    if depth > most:
+                        return depth, polygon
+    return depth, polygon
+
+
+@kernel
+def chunk_depth(
+    beads: Beads, a: int, chunk_a: int, b: int, chunk_b: int, head: PackedHead, k: int,
+    depth: float, quad: NDArray[np.float64],
+) -> float:  # fmt: skip
+    """Return the greatest depth at which a chunk of a's bead blocks polygon k on a chunk of b.
+
+    Only what is deeper than `depth` is looked at, which is returned where there is nothing.
+    """
+    points, r = beads.points, beads.radius[a]
+    if not box_reaches(beads.chunk_boxes, chunk_a, beads.chunk_boxes, chunk_b, head, k, r):
+        return depth
+    q_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
+    p_first = beads.offsets[b] + (chunk_b - beads.chunk_offsets[b]) * CHUNK
+    for q in range(q_first, min(q_first + CHUNK, beads.offsets[a + 1] - 1)):
+        if not segment_reaches(points, q, beads.chunk_boxes, chunk_b, head, k, r):
+            continue
+        top = max(points[q, 2], points[q + 1, 2])
+        for p in range(p_first, min(p_first + CHUNK, beads.offsets[b + 1] - 1)):
+            over = top - min(points[p, 2], points[p + 1, 2])
+            if over > depth and segment_blocks(points, q, p, head, k, r, quad):
+                depth = over
+    return depth
+
+
+@kernel
+def source_contacts(
+    beads: Beads, words: Words, head: PackedHead, limits: Limits, found: Contacts
+) -> tuple[Contacts, int, int, int]:
+    """Find all pairs a < b of which a blocks the head at b, and how deep.
+
+    Returns them with (a, b, polygon) of the first pair deeper than its limit, which ends the
+    search, or with (-1, -1, -1).
+    """
+    quad, danger = np.empty((4, 2)), np.empty((len(head.heights), 5))
+    boxes, r_max, top = beads.boxes, beads.radius.max(), -np.inf
+    for b in range(len(beads.radius)):
+        if top > boxes[b, 4] + head.heights[0]:
+            fill_danger(beads, head, b, r_max, danger)
+            for w in range((b - 1) // WORD, -1, -1):
+                if not in_danger(words.boxes, w, danger):
+                    continue
+                for a in range(min(b, w * WORD + WORD) - 1, w * WORD - 1, -1):
+                    if not in_danger(boxes, a, danger):
+                        continue
+                    most = limits.within if limits.layer[a] == limits.layer[b] else 0.0
+                    most = max(most, limits.most[a])
+                    depth, k = contact_depth(beads, a, b, head, most, quad)
+                    if depth > most:
+                        return found, a, b, k
+                    if k >= 0:
+                        gap = (limits.width[a] + limits.width[b]) / 2 + TOUCH_MM
+                        found = add_contact(found, a, b, depth, touches(beads, a, b, gap))
+        top = max(top, boxes[b, 5])
+    return found, -1, -1, -1
+
+
+@kernel
+def add_contact(found: Contacts, a: int, b: int, depth: float, beside: bool) -> Contacts:
+    """Add a pair, in place where there is room; returns the list, twice as long where not."""
+    at = found.used[0]
+    if at == len(found.depth):
+        pairs, depths = np.empty((2 * at, 2), np.int32), np.empty(2 * at)
+        sides = np.empty(2 * at, np.bool_)
+        pairs[:at], depths[:at], sides[:at] = found.pairs, found.depth, found.beside
+        found = Contacts(pairs, depths, sides, found.used)
+    found.pairs[at, 0], found.pairs[at, 1] = a, b
+    found.depth[at], found.beside[at] = depth, beside
+    found.used[0] = at + 1
+    return found

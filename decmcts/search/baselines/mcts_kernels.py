@@ -1,0 +1,327 @@
+"""Monte Carlo tree search over clusters, the tree a struct of arrays.
+
+A node is the print after one more cluster; what is printed by then is replayed from the root,
+which costs no more than the rollout itself. A rollout is a random feasible order of clusters,
+each printed greedily: the next contour is the nearest feasible one from where the nozzle stands.
+(The paper asks for nothing better there: clusters are those subgraphs "in which optimization of
+the toolpath beyond a layer-by-layer solution is not needed".) One iteration is select, expand,
+roll out, back up; there is no object per node.
+
+References
+----------
+Yoo et al. 2020, Sec. III-A (rollouts, Eq. 3) and III-B (clusters); Browne et al. 2012, "A Survey
+of Monte Carlo Tree Search Methods", Alg. 2; Auer et al. 2002 (UCB1).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.compiled import kernel
+from decmcts.random_kernels import below, uniform
+from decmcts.search.sequence.metric_kernels import Metric, distance
+
+ROOT = 0
+NO_NODE = -1
+NO_CLUSTER = -1
+NOWHERE = -1  # the nozzle before the first contour: any start is free
+PRINTED, READY, PORT = range(3)  # of `Rollout.tally`
+
+
+class Clustered(NamedTuple):
+    """A print and its clusters; the cluster graph has no cycle."""
+
+    metric: Metric
+    reversible: NDArray[np.bool_]  # (n,)
+    pred_offsets: NDArray[np.int64]  # (n + 1,)
+    succ_offsets: NDArray[np.int64]  # (n + 1,)
+    succs: NDArray[np.int32]  # (m,)
+    label: NDArray[np.int32]  # (n,) cluster of each contour
+    member_offsets: NDArray[np.int64]  # (h + 1,)
+    members: NDArray[np.int32]  # (n,) contours by cluster
+    outer_preds: NDArray[np.int32]  # (h,) edges into each cluster from others
+
+
+class Rollout(NamedTuple):
+    """The print as far as one rollout has come; all arrays are mutated by it."""
+
+    order: NDArray[np.int32]  # (n,)
+    reversed: NDArray[np.uint8]  # (n,) by contour
+    waiting: NDArray[np.int32]  # (n,) predecessors not yet printed
+    outer: NDArray[np.int32]  # (h,) edges into each cluster not yet satisfied
+    ready: NDArray[np.int32]  # (h,) clusters that may be next, the first tally[READY]
+    local: NDArray[np.int32]  # (n,) contours of the open cluster that may be next
+    tally: NDArray[np.int64]  # (3,) contours PRINTED, clusters READY, PORT the nozzle is at
+    travel: NDArray[np.float64]  # (1,) in the metric's unit
+
+
+@kernel
+def reset(clustered: Clustered, rollout: Rollout) -> None:
+    """Mutate the rollout: nothing is printed yet."""
+    n_ready = 0
+    for c in range(len(rollout.waiting)):
+        rollout.waiting[c] = clustered.pred_offsets[c + 1] - clustered.pred_offsets[c]
+    for h in range(len(rollout.outer)):
+        rollout.outer[h] = clustered.outer_preds[h]
+        if rollout.outer[h] == 0:
+            rollout.ready[n_ready] = h
+            n_ready += 1
+    rollout.tally[PRINTED], rollout.tally[READY], rollout.tally[PORT] = 0, n_ready, NOWHERE
+    rollout.travel[0] = 0.0
+
+
+@kernel
+def _nearest(
+    metric: Metric,
+    reversible: NDArray[np.bool_],
+    local: NDArray[np.int32],
+    n_local: int,
+    at: int,
+) -> tuple[int, int, float]:
+    """Return slot, direction and distance of the nearest of the first `n_local` contours."""
+    slot, is_reversed, shortest = -1, 0, np.inf
+    for k in range(n_local):
+        c = local[k]
+        for f in range(2 if reversible[c] else 1):
+            d = 0.0 if at == NOWHERE else distance(metric, at, 2 * c + f)
+            if d < shortest or (d == shortest and c < local[slot]):
+                slot, is_reversed, shortest = k, f, d
+    return slot, is_reversed, shortest
+
+
+@kernel
+def _release(clustered: Clustered, rollout: Rollout, c: int, n_local: int) -> int:
+    """Mutate the rollout for the printing of c; return how many of its cluster may be next."""
+    h = clustered.label[c]
+    for e in range(clustered.succ_offsets[c], clustered.succ_offsets[c + 1]):
+        b = clustered.succs[e]
+        g = clustered.label[b]
+        rollout.waiting[b] -= 1
+        if g != h:
+            rollout.outer[g] -= 1
+            if rollout.outer[g] == 0:
+                rollout.ready[rollout.tally[READY]] = g
+                rollout.tally[READY] += 1
+        elif rollout.waiting[b] == 0:
+            rollout.local[n_local] = b
+            n_local += 1
+    return n_local
+
+
+@kernel
+def nearest_cluster(clustered: Clustered, rollout: Rollout) -> int:
+    """Return the ready cluster with the contour nearest to the nozzle, which stands somewhere."""
+    metric, reversible, at = clustered.metric, clustered.reversible, rollout.tally[PORT]
+    found, shortest = rollout.ready[0], np.inf
+    for k in range(rollout.tally[READY]):
+        h = rollout.ready[k]
+        for x in range(clustered.member_offsets[h], clustered.member_offsets[h + 1]):
+            c = clustered.members[x]
+            if rollout.waiting[c] > 0:
+                continue
+            for f in range(2 if reversible[c] else 1):
+                d = distance(metric, at, 2 * c + f)
+                if d < shortest or (d == shortest and h < found):
+                    found, shortest = h, d
+    return int(found)
+
+
+@kernel
+def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
+    """Mutate the rollout: print cluster h, which must be ready, nearest feasible first."""
+    metric, reversible, local = clustered.metric, clustered.reversible, rollout.local
+    slot = 0
+    while rollout.ready[slot] != h:
+        slot += 1
+    rollout.tally[READY] -= 1
+    rollout.ready[slot] = rollout.ready[rollout.tally[READY]]
+    n_local = 0
+    for x in range(clustered.member_offsets[h], clustered.member_offsets[h + 1]):
+        if rollout.waiting[clustered.members[x]] == 0:
+            local[n_local] = clustered.members[x]
+            n_local += 1
+    while n_local > 0:
+        slot, f, d = _nearest(metric, reversible, local, n_local, rollout.tally[PORT])
+        c = local[slot]
+        local[slot] = local[n_local - 1]
+        n_local = _release(clustered, rollout, c, n_local - 1)
+        rollout.order[rollout.tally[PRINTED]], rollout.reversed[c] = c, f
+        rollout.tally[PRINTED] += 1
+        rollout.tally[PORT] = 2 * c + 1 - f
+        rollout.travel[0] += d
+
+
+class Tree(NamedTuple):
+    """Nodes 0..size - 1 of `capacity`; children of a node are a linked list."""
+
+    parent: NDArray[np.int32]  # (capacity,) NO_NODE at the root
+    cluster: NDArray[np.int32]  # (capacity,) printed last; NO_CLUSTER at the root
+    first_child: NDArray[np.int32]  # (capacity,)
+    sibling: NDArray[np.int32]  # (capacity,) next child of the same parent
+    n_children: NDArray[np.int32]  # (capacity,)
+    visits: NDArray[np.int64]  # (capacity,)
+    reward: NDArray[np.float64]  # (capacity,) sum over visits, each in 0..1
+    size: NDArray[np.int64]  # (1,)
+
+
+def new_tree(capacity: int) -> Tree:
+    """Return a tree of one node, the root."""
+    empty = np.full((5, capacity), NO_NODE, np.int32)
+    empty[4] = 0
+    visits, reward = np.zeros(capacity, np.int64), np.zeros(capacity)
+    return Tree(
+        empty[0].copy(),
+        empty[1].copy(),
+        empty[2].copy(),
+        empty[3].copy(),
+        empty[4].copy(),
+        visits,
+        reward,
+        np.ones(1, np.int64),
+    )
+
+
+def with_room(tree: Tree, more: int, most: int) -> Tree:
+    """Return a tree with room for so many `more` nodes: itself, or a larger copy.
+
+    It never gets larger than `most` nodes; a full one goes on without growing.
+    """
+    size, capacity = int(tree.size[0]), len(tree.parent)
+    if capacity >= most or size + more <= capacity:
+        return tree
+    larger = new_tree(min(2 * capacity + more, most))
+    for name in Tree._fields[:-1]:
+        getattr(larger, name)[:size] = getattr(tree, name)[:size]
+    larger.size[0] = size
+    return larger
+
+
+@kernel
+def select(tree: Tree, node: int, exploration: float) -> int:
+    """Return the child with the highest upper confidence bound (UCB1); first wins ties."""
+    log_visits = math.log(tree.visits[node])
+    best, highest = NO_NODE, -np.inf
+    child = tree.first_child[node]
+    while child != NO_NODE:
+        visits = tree.visits[child]
+        bound = tree.reward[child] / visits + exploration * math.sqrt(log_visits / visits)
+        if bound > highest:
+            best, highest = child, bound
+        child = tree.sibling[child]
+    return best
+
+
+@kernel
+def expand(tree: Tree, node: int, cluster: int) -> int:
+    """Mutate the tree: add the child of `node` that prints `cluster`; return it."""
+    child = tree.size[0]
+    tree.size[0] += 1
+    tree.parent[child] = node
+    tree.cluster[child] = cluster
+    tree.sibling[child] = tree.first_child[node]
+    tree.first_child[node] = child
+    tree.n_children[node] += 1
+    return int(child)
+
+
+@kernel
+def backup(tree: Tree, node: int, reward: float) -> None:
+    """Mutate the tree: count `reward` for `node` and all its ancestors."""
+    while node != NO_NODE:
+        tree.visits[node] += 1
+        tree.reward[node] += reward
+        node = tree.parent[node]
+
+
+@kernel
+def untried(
+    tree: Tree,
+    node: int,
+    rollout: Rollout,
+    tried: NDArray[np.bool_],
+    state: NDArray[np.uint64],
+) -> int:
+    """Mutate `state`; return a random ready cluster that is no child of `node` yet."""
+    child = tree.first_child[node]
+    while child != NO_NODE:
+        tried[tree.cluster[child]] = True
+        child = tree.sibling[child]
+    left = below(state, rollout.tally[READY] - tree.n_children[node])
+    found = NO_CLUSTER
+    for k in range(rollout.tally[READY]):
+        h = rollout.ready[k]
+        if tried[h]:
+            tried[h] = False
+        elif left == 0:
+            found, left = h, left - 1
+        else:
+            left -= 1
+    return found
+
+
+@kernel
+def simulate(
+    tree: Tree,
+    clustered: Clustered,
+    rollout: Rollout,
+    tried: NDArray[np.bool_],
+    state: NDArray[np.uint64],
+    exploration: float,
+    longest: float,
+    nearest: float,
+) -> None:
+    """Mutate the tree by one iteration; `rollout` then holds its complete sequence.
+
+    The reward is (longest - T) / longest for the travel T of the sequence. With chance `nearest`
+    a rollout goes on with the nearest cluster instead of a random one.
+    """
+    reset(clustered, rollout)
+    node = ROOT
+    while rollout.tally[READY] > 0 and tree.n_children[node] == rollout.tally[READY]:
+        node = select(tree, node, exploration)
+        print_cluster(clustered, rollout, tree.cluster[node])
+    if rollout.tally[READY] > 0 and tree.size[0] < len(tree.parent):
+        h = untried(tree, node, rollout, tried, state)
+        node = expand(tree, node, h)
+        print_cluster(clustered, rollout, h)
+    while rollout.tally[READY] > 0:
+        stands = rollout.tally[PORT] != NOWHERE
+        if nearest > 0.0 and stands and uniform(state) < nearest:
+            h = nearest_cluster(clustered, rollout)
+        else:
+            h = rollout.ready[below(state, rollout.tally[READY])]
+        print_cluster(clustered, rollout, h)
+    reward = (longest - rollout.travel[0]) / longest if longest > 0.0 else 1.0
+    backup(tree, node, reward)
+
+
+@kernel
+def simulate_many(
+    tree: Tree,
+    clustered: Clustered,
+    rollout: Rollout,
+    tried: NDArray[np.bool_],
+    state: NDArray[np.uint64],
+    exploration: float,
+    longest: float,
+    nearest: float,
+    iterations: int,
+    order: NDArray[np.int32],
+    is_reversed: NDArray[np.uint8],
+    best: float,
+) -> float:
+    """Mutate the tree by `iterations`; leave the best in `order`, `is_reversed`; return its T.
+
+    Sequences no better than `best` are not kept.
+    """
+    for _ in range(iterations):
+        simulate(tree, clustered, rollout, tried, state, exploration, longest, nearest)
+        if rollout.travel[0] < best:
+            best = rollout.travel[0]
+            order[:] = rollout.order
+            is_reversed[:] = rollout.reversed
+    return best

@@ -1,0 +1,116 @@
+"""The edges and near ports inside a window of a sequence, in numbers of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.compiled import kernel
+
+
+@kernel
+def block_edges(
+    pred_offsets: NDArray[np.int64],
+    preds: NDArray[np.int32],
+    succ_offsets: NDArray[np.int64],
+    succs: NDArray[np.int32],
+    ids: NDArray[np.int32],
+    low: int,
+    high: int,
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64], NDArray[np.int32]]:
+    """Return predecessors and successors in CSR form, by place in `ids`. O(n + edges there).
+
+    Places before `low` and from `high` on are guards, at most one each: the first
+    precedes all that nothing inside precedes, the last follows all that nothing inside
+    follows.
+    """
+    k = len(ids)
+    local = np.full(len(pred_offsets) - 1, -1, np.int32)
+    for x in range(low, high):
+        local[ids[x]] = x
+    before, after = np.zeros(k + 1, np.int64), np.zeros(k + 1, np.int64)
+    for x in range(low, high):
+        before[x + 1] = _count(pred_offsets, preds, ids[x], local)
+        after[x + 1] = _count(succ_offsets, succs, ids[x], local)
+        if before[x + 1] == 0 and low > 0:
+            before[x + 1] = 1
+            after[1] += 1
+        if after[x + 1] == 0 and high < k:
+            after[x + 1] = 1
+            before[k] += 1
+    before, after = np.cumsum(before), np.cumsum(after)
+    block_preds, block_succs = np.empty(before[k], np.int32), np.empty(after[k], np.int32)
+    first, last = after[0], before[k - 1]
+    for x in range(low, high):
+        if _fill(pred_offsets, preds, ids[x], local, block_preds, before[x]) == 0 and low > 0:
+            block_preds[before[x]] = 0
+            block_succs[first] = x
+            first += 1
+        if _fill(succ_offsets, succs, ids[x], local, block_succs, after[x]) == 0 and high < k:
+            block_succs[after[x]] = k - 1
+            block_preds[last] = x
+            last += 1
+    return before, block_preds, after, block_succs
+
+
+@kernel
+def _count(
+    offsets: NDArray[np.int64], others: NDArray[np.int32], c: int, local: NDArray[np.int32]
+) -> int:
+    """Return how many neighbours of contour c are inside."""
+    count = 0
+    for e in range(offsets[c], offsets[c + 1]):
+        count += int(local[others[e]] >= 0)
+    return count
+
+
+@kernel
+def _fill(
+    offsets: NDArray[np.int64],
+    others: NDArray[np.int32],
+    c: int,
+    local: NDArray[np.int32],
+    into: NDArray[np.int32],
+    at: int,
+) -> int:
+    """Mutate `into` from `at` on: the neighbours of contour c inside; return how many."""
+    count = 0
+    for e in range(offsets[c], offsets[c + 1]):
+        if local[others[e]] >= 0:
+            into[at + count] = local[others[e]]
+            count += 1
+    return count
+
+
+@kernel
+def block_ports(
+    near: NDArray[np.int32],
+    rows: NDArray[np.int64],
+    local: NDArray[np.int32],
+    place: NDArray[np.int32],
+    k: int,
+) -> NDArray[np.int32]:
+    """Return these rows of the near ports in local numbers, (rows, width).
+
+    Contours and entries that are not there (-1 in `local` and `place`) are left out;
+    the others are repeated in turn to fill the row, -1 if there are none.
+    """
+    n, width = len(local), near.shape[1]
+    inner = np.full((len(rows), width), -1, np.int32)
+    for r in range(len(rows)):
+        count = 0
+        for x in range(width):
+            port = near[rows[r], x]
+            there = -1
+            if port >= 2 * n:
+                there = place[port - 2 * n]
+                port = 2 * k + there
+            elif port >= 0:
+                there = local[port >> 1]
+                port = 2 * there + (port & 1)
+            if there >= 0:
+                inner[r, count] = port
+                count += 1
+        for x in range(count, width if count else 0):
+            inner[r, x] = inner[r, x - count]
+    return inner

@@ -1,0 +1,171 @@
+"""One order of everything that several heads do, carried out again from any turn on.
+
+What is known before each turn is marked, so that a change in the middle costs what it
+touches rather than the whole print (`decmcts.team.engine.carry_out_kernels` begins at the first).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.compiled import apart, inlined, kernel
+from decmcts.team.engine.aside_kernels import print_next, return_all
+from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits
+from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
+
+
+class JointOrder(NamedTuple):
+    """Who prints what, in one order of all; changed in place."""
+
+    order: NDArray[np.int64]  # (n,) contours
+    turn: NDArray[np.int64]  # (n,) place of each contour in it
+    head: NDArray[np.int64]  # (n,) of each contour
+    reversed: NDArray[np.bool_]  # (n,)
+    before: NDArray[np.int64]  # (n,) what its head prints before each contour; NONE
+    behind: NDArray[np.int64]  # (n,) and after it
+
+
+class Marks(NamedTuple):
+    """What `Heads` and `Units` held before each turn."""
+
+    used: NDArray[np.int64]  # (n + 1,)
+    last: NDArray[np.int64]  # (n + 1, heads)
+    free: NDArray[np.float64]  # (n + 1, heads)
+    at: NDArray[np.float64]  # (n + 1, heads, 3)
+    rest: NDArray[np.float64]  # (n + 1, heads, 6)
+    known: NDArray[np.int64]  # (1,) turns up to which all this is true
+    tail: NDArray[np.float64]  # (n + 1, heads) see `decmcts.team.dec_mcts.tails_kernels`
+
+
+@inlined
+def mark(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+    """Note what holds before a turn (mutates marks)."""
+    marks.used[turn] = units.used[0]
+    for r in range(len(heads.free)):
+        marks.last[turn, r], marks.free[turn, r] = heads.last[r], heads.free[r]
+        for axis in range(3):
+            marks.at[turn, r, axis] = heads.at[r, axis]
+        for side in range(6):
+            marks.rest[turn, r, side] = heads.rest[r, side]
+
+
+@inlined
+def restore(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+    """Go back to what held before a turn (mutates units, heads)."""
+    units.used[0] = marks.used[turn]
+    for r in range(len(heads.free)):
+        heads.last[r], heads.free[r] = marks.last[turn, r], marks.free[turn, r]
+        for axis in range(3):
+            heads.at[r, axis] = marks.at[turn, r, axis]
+        for side in range(6):
+            heads.rest[r, side] = marks.rest[turn, r, side]
+
+
+@inlined
+def has_capacity(units: Units, heads: Heads) -> bool:
+    """Whether `units` has rows free for all that one more contour can need."""
+    count = len(heads.free)
+    return bool(units.used[0] + count * (count + 2) + 2 <= len(units.head))
+
+
+@inlined
+def later_by(turn: int, fleet: Fleet, heads: Heads, marks: Marks) -> float:
+    """How much later the print ends than by the marks, judged by the tails at a turn."""
+    latest, usual, last = -np.inf, -np.inf, len(marks.used) - 1
+    for r in range(len(heads.free)):
+        tail = marks.tail[turn, r]
+        usual = max(usual, marks.free[turn, r] + tail)
+        if turn == last:
+            tail = travel_seconds(heads.at[r], fleet.parks[r], fleet.travel[r])
+        latest = max(latest, heads.free[r] + tail)
+    return latest - usual
+
+
+@apart
+def place_turns(
+    contours: NDArray[np.int64], begin: int, end: int, marks_to: int, top: int,
+    most: float, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    marks: Marks,
+) -> float:  # fmt: skip
+    """Print `contours`, by turn, at turns begin..end - 1 (mutates units, heads, marks).
+
+    Turns up to `marks_to` are marked. Returns by how much later than by the marks the print
+    then ends, judged from turn `top` on; infinite if heads shut each other in, if `units` is
+    full, or as soon as it is more than `most`. Callers share this one compiled copy of the
+    engine, which else takes minutes to compile.
+    """
+    later = 0.0
+    for turn in range(begin, end):
+        c = contours[turn]
+        if not has_capacity(units, heads) or not print_next(
+            joint.head[c], c, joint.reversed[c], visits, fleet, units, heads
+        ):
+            return np.inf
+        if turn < marks_to:
+            mark(turn + 1, units, heads, marks)
+            marks.known[0] = turn + 1
+        if turn + 1 >= top:
+            later = later_by(turn + 1, fleet, heads, marks)
+            if later > most:
+                return np.inf
+    return later
+
+
+@inlined
+def replay(
+    end: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    marks: Marks,
+) -> bool:  # fmt: skip
+    """Mark all turns up to `end` (mutates units, heads, marks); False: they cannot be printed."""
+    begin, n = marks.known[0], len(joint.order)
+    if begin >= end:
+        return True
+    restore(begin, units, heads, marks)
+    later = place_turns(
+        joint.order, begin, end, end, n + 1, np.inf, joint, visits, fleet, units, heads,
+        marks,
+    )  # fmt: skip
+    return later < np.inf
+
+
+@kernel
+def finish(
+    begin: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    marks: Marks,
+) -> float:  # fmt: skip
+    """Return when all heads are at their parks (mutates units, heads, marks).
+
+    Infinite if the order cannot be carried out. All turns up to `begin` are marked, or
+    already were; those behind it are not.
+    """
+    n = len(joint.order)
+    if not replay(begin, joint, visits, fleet, units, heads, marks):
+        return np.inf
+    restore(begin, units, heads, marks)
+    marks.known[0] = begin
+    later = place_turns(
+        joint.order, begin, n, begin, n + 1, np.inf, joint, visits, fleet, units, heads,
+        marks,
+    )  # fmt: skip
+    if later == np.inf or not has_capacity(units, heads):
+        return np.inf
+    if not return_all(visits, fleet, units, heads):
+        return np.inf
+    latest: float = heads.free.max()
+    return latest
+
+
+@kernel
+def link(joint: JointOrder, heads: int) -> None:
+    """Find each contour's turn, and what its head prints before and after it (mutates joint)."""
+    last = np.full(heads, NONE)
+    for turn in range(len(joint.order)):
+        c = joint.order[turn]
+        r = joint.head[c]
+        joint.turn[c], joint.before[c], joint.behind[c] = turn, last[r], NONE
+        if last[r] != NONE:
+            joint.behind[last[r]] = c
+        last[r] = c

@@ -1,0 +1,125 @@
+"""Space that heads reserve and when two heads are too near, on bare arrays.
+
+A `Space` is the reserved space, the box a head's nozzle stays within while it does something:
+`(min x, max x, min y, max y, min z, max z)`. Two heads are too near when the
+difference of their nozzles lies in one of a few boxes, the *relations* of the
+pair: one for every two bodies that could meet, and a half-space for a rail.
+`decmcts.team.engine.space` derives them so that "clear" here is never optimistic.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.compiled import inlined, kernel
+from decmcts.print.motion_kernels import trapezoid_time
+
+Space = tuple[float, float, float, float, float, float]
+Point = tuple[float, float, float] | NDArray[np.float64]  # x, y, z
+
+TOUCH = 1e-9  # mm; reserved spaces exactly as far apart as they must be are clear
+
+
+class Fleet(NamedTuple):
+    """The heads of a machine as the kernels see them."""
+
+    relation: NDArray[np.float64]  # (k, 6) boxes of nozzle of s minus nozzle of r, mm
+    relation_offsets: NDArray[np.int64]  # (heads * heads + 1,) pair (r, s) is row r * heads + s
+    parks: NDArray[np.float64]  # (heads, 3) where they begin and end
+    low: NDArray[np.float64]  # (heads, 2) least x and y a head may step aside to
+    high: NDArray[np.float64]  # (heads, 2)
+    travel: NDArray[np.float64]  # (heads, 6) see `travel_seconds`
+    ceiling: float  # no travel rises higher, mm
+    lined: bool  # all heads on one rail: whatever the order, each can return to its park
+
+
+@inlined
+def space_at(spaces: NDArray[np.float64], k: int) -> Space:
+    """Return row k of `spaces` (m, 6)."""
+    return spaces[k, 0], spaces[k, 1], spaces[k, 2], spaces[k, 3], spaces[k, 4], spaces[k, 5]
+
+
+@inlined
+def keep_space(space: Space, spaces: NDArray[np.float64], k: int) -> None:
+    """Write a space to row k of `spaces` (m, 6)."""
+    for side in range(6):
+        spaces[k, side] = space[side]
+
+
+@inlined
+def meet(a: Space, b: Space, relation: NDArray[np.float64], first: int, end: int) -> bool:
+    """Whether two heads in spaces `a` and `b` could meet, by rows first..end - 1 of `relation`."""
+    for k in range(first, end):
+        if (
+            b[0] - a[1] < relation[k, 1] - TOUCH
+            and b[1] - a[0] > relation[k, 0] + TOUCH
+            and b[2] - a[3] < relation[k, 3] - TOUCH
+            and b[3] - a[2] > relation[k, 2] + TOUCH
+            and b[4] - a[5] < relation[k, 5] - TOUCH
+            and b[5] - a[4] > relation[k, 4] + TOUCH
+        ):
+            return True
+    return False
+
+
+@inlined
+def too_near(a: Space, b: Space, r: int, s: int, fleet: Fleet) -> bool:
+    """Whether head r somewhere in space `a` and head s somewhere in space `b` could meet."""
+    pair = r * len(fleet.parks) + s
+    first, end = fleet.relation_offsets[pair], fleet.relation_offsets[pair + 1]
+    near: bool = meet(a, b, fleet.relation, first, end)
+    return near
+
+
+@inlined
+def space_of_point(point: Point, top: float) -> Space:
+    """Space reserved by a head that rests at a point, at most at height `top`."""
+    return point[0], point[0], point[1], point[1], point[2], max(point[2], top)
+
+
+@inlined
+def space_of_travel(p: Point, q: Point, ceiling: float) -> Space:
+    """Space reserved by a travel from p to q."""
+    return (
+        min(p[0], q[0]),
+        max(p[0], q[0]),
+        min(p[1], q[1]),
+        max(p[1], q[1]),
+        min(p[2], q[2]),
+        max(p[2], q[2], ceiling),
+    )
+
+
+@inlined
+def join_spaces(a: Space, b: Space) -> Space:
+    """Smallest space that holds two."""
+    return (
+        min(a[0], b[0]),
+        max(a[1], b[1]),
+        min(a[2], b[2]),
+        max(a[3], b[3]),
+        min(a[4], b[4]),
+        max(a[5], b[5]),
+    )
+
+
+@kernel
+def travel_seconds(p: Point, q: Point, travel: NDArray[np.float64]) -> float:
+    """Estimate of a travel from p to q: level move, height difference, retraction.
+
+    `travel` is feed, acceleration, z feed, z acceleration, seconds of a retraction, and
+    the length from which on there is one.
+    """
+    flat = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2)
+    rise = abs(q[2] - p[2])
+    seconds = 0.0
+    if flat > 0.0:
+        seconds += trapezoid_time(flat, 0.0, 0.0, travel[0], travel[1])
+    if rise > 0.0:
+        seconds += trapezoid_time(rise, 0.0, 0.0, travel[2], travel[3])
+    if flat >= travel[5]:
+        seconds += travel[4]
+    return seconds

@@ -1,0 +1,334 @@
+"""Who waits for whom in a joint order, and when everything begins, on bare arrays.
+
+Units are rows in the order they were placed, which every wait agrees with: a unit waits
+only for rows above its own. Of each other head only the latest wait is kept; earlier
+ones are implied by that head's own sequence.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.compiled import kernel
+from decmcts.print.lags_kernels import Lags
+from decmcts.team.engine.joint_kernels import NONE, UNIT_PRINT, Units, Visits, first_clear_piece
+from decmcts.team.engine.spaces_kernels import Fleet, join_spaces, keep_space, space_at, too_near
+
+CHUNK = 64  # units whose spaces are also kept joined, so that most can be passed over at once
+AT_END = -1
+
+
+@kernel
+def latest_in_the_way(
+    row: int,
+    s: int,
+    lowest: int,
+    count: int,
+    rows: NDArray[np.int64],
+    joined: NDArray[np.float64],
+    fleet: Fleet,
+    units: Units,
+) -> int:
+    """Index of the last of head s's units so far in the way of a unit; `lowest` - 1: none is.
+
+    `rows` are the units of head s and `joined` (chunks, 6) their reserved spaces, joined by CHUNK.
+    """
+    r, k = units.head[row], count - 1
+    while k >= lowest:
+        chunk = k // CHUNK
+        if not too_near(space_at(units.space, row), space_at(joined, chunk), r, s, fleet):
+            k = chunk * CHUNK - 1
+            continue
+        first = max(lowest, chunk * CHUNK)
+        while k >= first:
+            if too_near(space_at(units.space, row), space_at(units.space, rows[k]), r, s, fleet):
+                return k
+            k -= 1
+    return lowest - 1
+
+
+@kernel
+def latest_pred(
+    row: int, s: int, own: NDArray[np.int64], place: NDArray[np.int64], visits: Visits, units: Units
+) -> int:
+    """Index within head s of the last unit that prints what supports this one; NONE: none does."""
+    contour, last = units.contour[row], NONE
+    if contour != NONE:
+        for k in range(visits.pred_offsets[contour], visits.pred_offsets[contour + 1]):
+            unit = place[visits.preds[k]]
+            if units.head[unit] == s:
+                last = max(last, own[unit])
+    return last
+
+
+@kernel
+def need_of(
+    row: int,
+    s: int,
+    known: NDArray[np.int64],
+    count: int,
+    rows: NDArray[np.int64],
+    joined: NDArray[np.float64],
+    own: NDArray[np.int64],
+    place: NDArray[np.int64],
+    visits: Visits,
+    fleet: Fleet,
+    units: Units,
+) -> tuple[int, int]:
+    """Return what a unit needs of head s: a unit and a point of it, or AT_END; NONE: nothing.
+
+    `known` is what its own head waited for before: unit and point.
+    """
+    unit, point = NONE, AT_END
+    lowest = known[0] if known[1] != AT_END else known[0] + 1
+    k = latest_in_the_way(row, s, max(lowest, 0), count, rows, joined, fleet, units)
+    if k >= max(lowest, 0):
+        piece = first_clear_piece(
+            rows[k], space_at(units.space, row), units.head[row], visits, fleet, units
+        )
+        unit, point = k, AT_END if piece == NONE else visits.pieces.point[piece]
+    pred = latest_pred(row, s, own, place, visits, units)
+    if pred >= unit and pred != NONE:
+        unit, point = pred, AT_END
+    if unit < known[0] or (unit == known[0] and known[1] == AT_END):
+        return NONE, AT_END
+    if unit == known[0] and point != AT_END and point <= known[1]:
+        return NONE, AT_END
+    return unit, point
+
+
+@kernel
+def find_waits(
+    own: NDArray[np.int64], place: NDArray[np.int64], visits: Visits, fleet: Fleet, units: Units
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """For each unit and each other head: the unit of it to wait for, and the point, (m, heads).
+
+    NONE where a unit needs nothing beyond what its own head waited for before. `own`
+    (m,) is each unit's index within its head, `place` (n,) the unit that prints each contour.
+    """
+    m, heads = len(own), len(fleet.parks)
+    after, point = np.full((m, heads), NONE), np.full((m, heads), AT_END, np.int32)
+    known = np.full((heads, heads, 2), NONE)
+    rows, counts = np.empty((heads, m), np.int64), np.zeros(heads, np.int64)
+    joined = np.empty((heads, m // CHUNK + 1, 6))
+    for row in range(m):
+        r = units.head[row]
+        for s in range(heads):
+            if s == r:
+                continue
+            unit, at = need_of(
+                row, s, known[r, s], counts[s], rows[s], joined[s], own, place, visits, fleet, units
+            )
+            if unit != NONE:
+                after[row, s], point[row, s] = unit, at
+                known[r, s, 0], known[r, s, 1] = unit, at
+        chunk = counts[r] // CHUNK
+        space = space_at(units.space, row)
+        if counts[r] % CHUNK > 0:
+            space = join_spaces(space_at(joined[r], chunk), space)
+        keep_space(space, joined[r], chunk)
+        rows[r, counts[r]] = row
+        counts[r] += 1
+    return after, point
+
+
+@kernel
+def first_later(
+    head: NDArray[np.int32],
+    own: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    after: NDArray[np.int64],
+    point: NDArray[np.int32],
+    counts: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """For each unit and each head: the first unit of that head ordered after its end, (m, heads).
+
+    That head's number of units where there is none. `rows[s, k]` is the row of
+    head s's k-th unit. The values never fall along a head's sequence. A unit that waits
+    for a point comes after the end of the unit before.
+    """
+    m, heads = after.shape
+    later = np.empty((m, heads), np.int64)
+    for row in range(m):
+        later[row] = counts
+    for row in range(m - 1, -1, -1):
+        r = head[row]
+        for s in range(heads):
+            before = own[row] - 1 if s == r else after[row, s]
+            if s != r and before != NONE and point[row, s] != AT_END:
+                before -= 1
+            if before == NONE:
+                continue
+            up = rows[s, before]
+            later[up] = np.minimum(later[up], later[row])
+            later[up, r] = min(later[up, r], own[row])
+    return later
+
+
+@kernel
+def earliest(
+    head: NDArray[np.int32],
+    own: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    after: NDArray[np.int64],
+    passing: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """When each unit begins if all begin as early as their waits allow, (m,).
+
+    `passing` (m, heads): seconds from the begin of what is waited for until it is passed.
+    """
+    begin = np.zeros(len(seconds))
+    for row in range(len(seconds)):
+        if own[row] > 0:
+            before = rows[head[row], own[row] - 1]
+            begin[row] = begin[before] + seconds[before]
+        for s in range(after.shape[1]):
+            if after[row, s] != NONE:
+                waited = rows[s, after[row, s]]
+                begin[row] = max(begin[row], begin[waited] + passing[row, s])
+    return begin
+
+
+class Rows(NamedTuple):
+    """Units as they were placed, with their waits (`decmcts.team.engine.order.UnitOrder`)."""
+
+    head: NDArray[np.int32]  # (m,)
+    kind: NDArray[np.int8]  # (m,)
+    contour: NDArray[np.int32]  # (m,)
+    own: NDArray[np.int64]  # (m,) index within the head's units
+    rows: NDArray[np.int64]  # (heads, most)
+    after: NDArray[np.int64]  # (m, heads)
+    point: NDArray[np.int32]  # (m, heads)
+
+
+class Rests(NamedTuple):
+    """Where heads rest so that what is below can cool; written."""
+
+    seconds: NDArray[np.float64]  # (m,) rest before each unit
+    begin: NDArray[np.float64]  # (m,) when that rest begins
+    row: NDArray[np.int64]  # (k,) unit that waits for a cooling one before it
+    other: NDArray[np.int64]  # (k,) head and
+    unit: NDArray[np.int64]  # (k,) index within that head of the one that cools
+    first: NDArray[np.bool_]  # (k,) before the unit's rest begins, not before the unit does
+    used: NDArray[np.int64]  # (1,) of these
+
+
+@kernel
+def last_below(
+    c: int, s: int, place: NDArray[np.int64], units: Rows, lags: Lags
+) -> tuple[int, float]:
+    """Index within head s of the last unit that prints what lies below c, and its lag; or NONE."""
+    last, lag = NONE, 0.0
+    for e in range(lags.offsets[c], lags.offsets[c + 1]):
+        row = place[lags.below[e]]
+        if units.head[row] == s:
+            last, lag = max(last, units.own[row]), max(lag, lags.seconds[e])
+    return last, lag
+
+
+@kernel
+def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: Rows) -> int:
+    """First unit of a row's head, before it, at whose begin unit `last` of s has surely ended."""
+    own = units.rows[units.head[row]]
+    low, high = 0, units.own[row]
+    while low < high:
+        middle = (low + high) // 2
+        if sure[own[middle], s] > last:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@kernel
+def rest_for(
+    row: int, s: int, last: int, lag: float, worked: float, least: float,
+    begin: NDArray[np.float64], done: NDArray[np.float64], ended: float,
+    sure: NDArray[np.int64], units: Rows, rests: Rests,
+) -> float:  # fmt: skip
+    """How long a unit rests before it begins, `lag` after unit `last` of head s has ended.
+
+    Only the work of its own head counts for sure: `worked` before this unit, `done` (m,)
+    before the others. Where the other's end is not known early enough the head waits for it
+    (mutates sure, rests) where that costs nothing in time.
+    """
+    own, at = units.rows[units.head[row]], units.own[row]
+    known = known_since(row, s, last, sure, units)
+    if known < at and lag - (worked - done[own[known]]) <= least:
+        return 0.0
+    j, passed_s = at, 0.0
+    while j > 0 and passed_s < lag and begin[own[j - 1]] >= ended:
+        j -= 1
+        passed_s = worked - done[own[j]]
+    if j == at and lag <= least:
+        return 0.0
+    k = rests.used[0]
+    rests.row[k], rests.other[k], rests.unit[k] = own[j], s, last
+    rests.first[k] = j == at
+    rests.used[0] += 1
+    for i in range(j, at + 1):
+        sure[own[i], s] = max(sure[own[i], s], last + 1)
+    if j == at:
+        rests.begin[row] = max(rests.begin[row], ended)
+    return lag - passed_s
+
+
+@kernel
+def let_cool(
+    units: Rows,
+    passing: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+    place: NDArray[np.int64],
+    lags: Lags,
+    least: float,
+    step: float,
+) -> tuple[NDArray[np.float64], Rests]:
+    """When each unit begins at the earliest, as `earliest`, and where heads rest for cooling.
+
+    Rests are multiples of `step`, longer than `least`. `place` (n,) is the unit that prints
+    each contour.
+    """
+    m, heads = units.after.shape
+    most = len(lags.below) + 1
+    rests = Rests(
+        np.zeros(m), np.zeros(m), np.empty(most, np.int64), np.empty(most, np.int64),
+        np.empty(most, np.int64), np.empty(most, np.bool_), np.zeros(1, np.int64),
+    )  # fmt: skip
+    begin, done = np.zeros(m), np.zeros(m)  # done: work of the own head before each unit
+    sure = np.zeros((m, heads), np.int64)  # units of each head that have ended by its begin
+    for row in range(m):
+        r, c, need = units.head[row], units.contour[row], 0.0
+        worked, free = 0.0, 0.0
+        if units.own[row] > 0:
+            before = units.rows[r, units.own[row] - 1]
+            free, worked = begin[before] + seconds[before], done[before] + seconds[before]
+            sure[row] = sure[before]
+        rests.begin[row] = free
+        if units.kind[row] == UNIT_PRINT:
+            for s in range(heads):
+                last, lag = last_below(c, s, place, units, lags)
+                if last == NONE:
+                    continue
+                other = units.rows[s, last]
+                if s == r:
+                    need = max(need, lag - (worked - done[other] - seconds[other]))
+                    continue
+                ended = begin[other] + seconds[other]
+                need = max(need, rest_for(
+                    row, s, last, lag, worked, least, begin, done, ended, sure, units, rests,
+                ))  # fmt: skip
+        if need > least:
+            rests.seconds[row] = np.ceil(need / step) * step
+        begin[row] = rests.begin[row] + rests.seconds[row]
+        done[row] = worked + rests.seconds[row]
+        for s in range(heads):
+            if units.after[row, s] != NONE:
+                waited = units.rows[s, units.after[row, s]]
+                begin[row] = max(begin[row], begin[waited] + passing[row, s])
+                whole = units.point[row, s] == AT_END
+                sure[row, s] = max(sure[row, s], units.after[row, s] + (1 if whole else 0))
+    return begin, rests
