@@ -16,6 +16,7 @@ from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
+from sim.arrays import Floats, Ints
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.legs import Legs, legs_of
 from sim.content.paths import check_head, check_once, check_release, check_structure
@@ -328,11 +329,7 @@ def check_material(
 
 
 def _into_printed(
-    document: PlanDocument,
-    legs: Legs,
-    head: int,
-    moves: NDArray[np.float64],
-    owner: NDArray[np.int64],
+    document: PlanDocument, legs: Legs, head: int, moves: Floats, owner: Ints
 ) -> list[str]:
     """Say where a head touches what stands on the bed before the plan begins."""
     if document.printed is None:
@@ -354,7 +351,7 @@ def check_replays(
     document: PlanDocument,
     legs: Legs,
     order: PartialOrder,
-    arrivals: list[NDArray[np.float64]],
+    arrivals: list[Floats],
     counts: dict[str, float],
     *,
     trials: int,

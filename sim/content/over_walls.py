@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Floats
 
 OUTER = (Role.EXTERNAL_PERIMETER, Role.OVERHANG_PERIMETER)
 SAME_Z_MM = 1e-6
 END_MM = 0.05  # at both ends of a leg that may touch a wall: beads begin and end on walls
 LEAST_MM = 1e-9
-
-Floats = NDArray[np.float64]
 
 
 def over_walls_mm(contours: Contours, actions: HeadActions) -> float:

@@ -13,10 +13,11 @@ from itertools import combinations
 import numpy as np
 
 from decmcts.print.machine import Head, Machine
+from sim.arrays import Floats, Ints
 from sim.controllers.carry_out import HeadRun, Run
 from sim.controllers.compiled import compiled
 from sim.controllers.nearness import Shape, gap_between, rails_between, shape_of, slack_between
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops
+from sim.controllers.program import HeadProgram, StopKind, Stops
 from sim.controllers.timing import Error, no_error
 
 CANDIDATES = 400  # pairs of legs whose boxes are nearest, for each two heads;

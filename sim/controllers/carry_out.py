@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from decmcts.print.brief import brief
+from sim.arrays import Floats, Ints
 from sim.controllers.compiled import compiled
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
+from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error
 
 _DWELL, _WAIT, _SIGNAL, _PASS, _REST, _TELL, _HEAT = map(int, StopKind)

@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Point
 from decmcts.print.plan import HeadActions, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
+from sim.arrays import Flags, Floats, Ints
 from sim.controllers.from_plan import HAIR_S, program_of_head
 from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Course, positions
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
+from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error, no_error
 
 Draw = Callable[[HeadProgram], Error]
@@ -96,7 +96,7 @@ class Work:
         return _place(positions(course, np.array([seconds]))[0])
 
 
-def _stood(actions: HeadActions, program: HeadProgram, first: Ints, h: int) -> NDArray[np.bool_]:
+def _stood(actions: HeadActions, program: HeadProgram, first: Ints, h: int) -> Flags:
     """Tell which actions begin behind a rest for another head, (k,)."""
     waits = np.zeros(len(actions), np.bool_)
     for k in range(len(actions)):

@@ -10,15 +10,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
 from decmcts.print.signals import Place, places_of
+from sim.arrays import Floats, Ints
 from sim.content.seams import Moved, run_of
 from sim.controllers.motion import QUEUE, profile_of
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops, stops_of
+from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
 
 HAIR_S = 1e-4  # by which an action may be shorter than the plan says
 Signals = dict[Place, int]  # index of the signal of each
@@ -107,9 +107,7 @@ def _limits(limits: MotionLimits, rate: Floats) -> tuple[tuple[MotionLimits, ...
     return tuple(replace(limits, acceleration=float(k)) for k in kinds), row.astype(np.int64)
 
 
-def _stops(
-    document: PlanDocument, h: int, signals: Signals, action: NDArray[np.int64], motion: Floats
-) -> Stops:
+def _stops(document: PlanDocument, h: int, signals: Signals, action: Ints, motion: Floats) -> Stops:
     """Return what stands between the moves of one head."""
     actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
     at_rest = document.machine.release == "action"

@@ -14,14 +14,14 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine
+from sim.arrays import Flags, Floats, Ints
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.compiled import compiled
 from sim.controllers.motion import Profile
 from sim.controllers.polygons import polygon_gap
-from sim.controllers.program import Floats, HeadProgram, Ints
+from sim.controllers.program import HeadProgram
 from sim.controllers.timing import Error
 
 CLOSEST_MM = 0.02  # the least distance is found to within this,
@@ -55,7 +55,7 @@ class Shape(NamedTuple):
     low: Floats  # (k,)
     high: Floats  # (k,)
     sides: Floats  # (k, 2, 2) least and most x and y of each
-    upright: NDArray[np.bool_]  # (k,) each that is its own box: a rectangle along the axes
+    upright: Flags  # (k,) each that is its own box: a rectangle along the axes
     box: Floats  # (2, 3) least and most of all
 
 

@@ -17,12 +17,13 @@ import numpy as np
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
+from sim.arrays import Floats, Ints
 from sim.controllers.beads import BEFORE, NO_LAYER, Beads, Material
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.nearness import shape_of
 from sim.controllers.print_heights import bare
 from sim.controllers.print_search import COLUMNS, Moves, Parts, go_through
-from sim.controllers.program import Floats, HeadProgram, Ints
+from sim.controllers.program import HeadProgram
 
 WIDER_MM = 5.0  # a head counts as wider from here above the tip at the latest
 MOST = 100  # contacts of a run: then no more is looked for

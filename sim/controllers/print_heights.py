@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.arrays import Floats, Ints
 from sim.controllers.compiled import compiled
-from sim.controllers.program import Floats, Ints
 
 CELL_MM = 0.25
 MOST_CELLS = 1 << 22  # of larger prints cells are larger

@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Flags, Floats, Ints
 from sim.controllers.compiled import compiled
 from sim.controllers.polygons import polygon_gap
 from sim.controllers.print_heights import Heights, lay
-from sim.controllers.program import Floats, Ints
 
 GRAZE_MM = 0.01  # less is rounding
 LOOKS = 40  # steps in which the begin of a contact is found
@@ -30,8 +29,8 @@ class Moves(NamedTuple):
     head: Ints  # (m,) -1: of none
     begin: Floats  # (m,)
     end: Floats  # (m,)
-    lays: NDArray[np.bool_]  # (m,)
-    looked_at: NDArray[np.bool_]  # (m,)
+    lays: Flags  # (m,)
+    looked_at: Flags  # (m,)
     number: Ints  # (m,) as `Beads`
     layer: Ints  # (m,)
     height: Floats  # (m,)

@@ -12,13 +12,14 @@ import numpy as np
 
 from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
+from sim.arrays import Floats
 from sim.controllers.adversary import adversaries
 from sim.controllers.beads import Material
 from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Contact, Near, course_of, nearness, positions
 from sim.controllers.print_contacts import PrintContact, print_contacts
-from sim.controllers.program import Floats, HeadProgram, StopKind
+from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
 from sim.rules.cooling import TooSoon
 

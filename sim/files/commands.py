@@ -14,12 +14,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
 from decmcts.formats.gcode.document import Block
 from decmcts.formats.gcode.text.lines import command_of
+from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import not_plain
 
@@ -46,8 +46,6 @@ _WITH_EXPONENT = re.compile(  # in a command that is acted on; a message or a na
     rb"|SET_(?!PRINT))[^;(]*?[0-9.]e[-+]?[0-9]"
 )
 _BLOCKS_ALONE = ("tool", "temperature")  # states that only verbatim blocks may set
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

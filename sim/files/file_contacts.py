@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, SHOWN, Fault, FaultKind, Gap, Nearest, listed
 from sim.files.printed_file import beads_of, moves_array, moving
 from sim.replay.contacts import (
@@ -24,9 +24,6 @@ from sim.replay.contacts import (
 from sim.replay.material import Allowed, Contact, find_contacts, or_undecided, place_of
 from sim.replay.near_misses import NearPrint
 from sim.replay.shapes import Beads, as_material
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 WIPE_MM = 0.02  # a wipe keeps so near to the contour it wipes along
 LOOKED_AT = 10 * LIMIT  # contacts that are looked for; what is allowed is none of them
@@ -124,7 +121,7 @@ def _forgiven(file: _File, source: Motions) -> Allowed:
     )
     printed[contour[laid]] = laid
 
-    def forgiven(move: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+    def forgiven(move: Ints, bead: Ints, depth: Floats) -> Flags:
         return np.asarray(printed[file.whose[bead]] < until[move])
 
     return forgiven
@@ -186,7 +183,7 @@ class _File:
         due = self._upright(self.after, self.next, 0)
         wipes: dict[int, bool] = {}
 
-        def allowed(move: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+        def allowed(move: Ints, bead: Ints, depth: Floats) -> Flags:
             met = meetings.allow(self.own[move], self.whose[bead], depth)
             for contour in (left, due):
                 met |= meetings.allow(contour[move], self.whose[bead], depth)

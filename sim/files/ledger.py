@@ -22,9 +22,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument, Motions
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
@@ -34,8 +34,6 @@ NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, o
 NONE = -1
 MORE_MM = 0.01  # of filament pushed or pulled at once beyond the source's
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Spans = Sequence[tuple[int, int] | None]
 
 
@@ -90,7 +88,7 @@ class Book:
     low_above: Floats  # (n,)
     high_above: Floats  # (n,)
     tool_above: Ints  # (n,) in use in that stretch
-    kept: NDArray[np.bool_]  # (n,) one tool is in use from bead to bead
+    kept: Flags  # (n,) one tool is in use from bead to bead
     deepest: Floats  # (n,) least running sum from bead to bead, the source's own lines included
 
     @staticmethod
@@ -269,7 +267,7 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
     return listed(FaultKind.STATE, texts, total=len(foreign) + len(wrong))
 
 
-def _withdrawn(motions: Motions) -> NDArray[np.bool_]:
+def _withdrawn(motions: Motions) -> Flags:
     """Tell before which moves the firmware has retracted, (m,)."""
     n = len(motions.line)
     return np.zeros(n, np.bool_) if motions.withdrawn is None else np.asarray(motions.withdrawn)

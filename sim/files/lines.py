@@ -13,11 +13,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.arrays import Flags
+
 _ONE_DIGIT = bytes.maketrans(b"23456789", b"11111111")
 _ZERO, _NINE, _DOT, _END = 48, 57, 46, 10
 
 Bytes = NDArray[np.uint8]
-Bools = NDArray[np.bool_]
 
 
 def not_plain(text: bytes, plain: re.Pattern[bytes]) -> list[int]:
@@ -48,7 +49,7 @@ def _shapes(text: bytes) -> bytes:
     return shape[kept].tobytes()
 
 
-def _digits(raw: Bytes) -> Bools:
+def _digits(raw: Bytes) -> Flags:
     return np.asarray((raw >= _ZERO) & (raw <= _NINE))
 
 

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from sim.arrays import Ints
 from sim.content.arcs import check_arcs, turns_of
 from sim.content.inventory import Segments, compare, match_segments
 from sim.content.same_print import check_print
@@ -34,9 +34,9 @@ class Matched:
     faults: list[Fault]
     is_other: bool  # another print: nothing else was compared
     segments: Segments  # (n,) of the file, in its order
-    laid: NDArray[np.int64]  # (n,) the moves that lay them
-    contour: NDArray[np.int64]  # (n,) the source's contour each of them is of, -1: of none
-    source_line: NDArray[np.int64]  # (n,) where the source lays each of them, -1: nowhere
+    laid: Ints  # (n,) the moves that lay them
+    contour: Ints  # (n,) the source's contour each of them is of, -1: of none
+    source_line: Ints  # (n,) where the source lays each of them, -1: nowhere
     met: Met = field(
         default_factory=Met
     )  # contacts that the source makes on the same moves, and the least gap
@@ -44,7 +44,7 @@ class Matched:
 
 def contours_laid(
     motions: Motions, source: Motions, job: PrintJob, seams: Sequence[Moved] = ()
-) -> NDArray[np.int64]:
+) -> Ints:
     """Return which of the source's contours each bead of a file is of, in its order; -1: none."""
     source = motions_with(source, job.contours, seams)
     laid, due = laying_moves(motions), laying_moves(source)

@@ -16,8 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.command_book import commands_of
 
@@ -41,7 +41,6 @@ _OF_TOOL = {  # the words that say of which tool
 }  # fmt: skip
 _UNSAID = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was said
 
-Ints = NDArray[np.int64]
 Settings = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
 

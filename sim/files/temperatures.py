@@ -12,9 +12,9 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode.text.lines import command_of
+from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import no_comment_no_move
 
@@ -35,7 +35,6 @@ _HOMES = re.compile(rb"G0*2[89](?![0-9])", re.I)  # some cool the nozzle, with w
 _LINE = re.compile(rb"^(?![ \t]*(?:[;\r\n]|[Gg]0*[0-3](?![0-9.])))[^\n]+", re.M)
 
 Told = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
-Ints = NDArray[np.int64]
 
 
 def check_temperatures(

@@ -16,7 +16,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import (
@@ -32,6 +31,7 @@ from decmcts.formats.mesh import is_mesh
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Ints
 from sim.content.inventory import alike_of
 from sim.content.seams import Moved, seams_of_file, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
@@ -223,9 +223,7 @@ def source_text(document: GcodeDocument) -> bytes | None:
     return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
 
 
-def _check_waits(
-    text: bytes, motions: Motions, laid: NDArray[np.int64], actions: HeadActions
-) -> list[Fault]:
+def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions) -> list[Fault]:
     """Check that the file stands still wherever the plan waits, as long, before the same bead.
 
     `laid` are the moves that lay beads, in the file's order.

@@ -48,7 +48,6 @@ MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
 UNLOADS_MM = 20.0  # more is no retraction: the filament is out of the hot end
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

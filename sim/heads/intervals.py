@@ -14,8 +14,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Floats
 from sim.faults import Fault, FaultKind, listed
 from sim.heads.file import HeadFile
 
@@ -24,7 +24,7 @@ SPARE, SPARE_S = 0.1, 0.01  # by which a writer may put signals further apart
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 
 
-def least_clock(file: HeadFile) -> NDArray[np.float64]:
+def least_clock(file: HeadFile) -> Floats:
     """Return the least seconds from the begin of a file to each of its lines, (lines + 2,)."""
     motion = file.motion
     clock = np.zeros(len(file.lines) + 2)  # clock[k]: all lines above k, from 1, have been run

@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.print.contours import Contours
+from sim.arrays import Floats
 
 SAME_MM = 1.1e-3  # files have three decimals
 E_MM = 5e-5
 FEED_MM_S = 1e-3
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,12 +22,12 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.document import Block
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from sim.arrays import Floats, Ints
 from sim.content.pieces import beginnings
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.ledger import MORE_MM, NET_MM, TOTAL_MM, Book, lines_in_source, tools_of
@@ -36,9 +36,6 @@ from sim.heads.file import HeadFile
 
 UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
 # that may move filament unseen, or after which it is another tool's
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

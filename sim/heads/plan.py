@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.print.job import PrintJob
@@ -28,6 +27,7 @@ from decmcts.print.plan import (
     JointPlan,
     PlanDocument,
 )
+from sim.arrays import Floats, Ints
 from sim.content.inventory import (
     NO_MATCH,
     Segments,
@@ -48,8 +48,6 @@ from sim.replay.execution import execute
 from sim.replay.least import least_arrivals
 from sim.rules.order import PartialOrder, order_of
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 ACTION_S = 1.0  # more than its motion; times mean nothing: files are judged for every timing
 
 

@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
@@ -23,6 +22,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
+from sim.arrays import Floats
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
@@ -348,7 +348,7 @@ def _match_start(
     return min(row, len(file.rest)), parked
 
 
-def _stands(file: HeadFile, row: int) -> tuple[int, NDArray[np.float64]]:
+def _stands(file: HeadFile, row: int) -> tuple[int, Floats]:
     """Return the line above a row of `rest`, and where the head stands behind it, (3,) mm."""
     line = file.rest[min(row, len(file.rest)) - 1][0]
     return line, file.motion.points[file.motion.before[min(line, len(file.lines))]]

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Moved, Run, run_of
 from sim.heads.file import HeadFile
 from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Laid, pairs_of_states
@@ -29,8 +29,6 @@ from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Laid, pairs_of_states
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
 _PRINT, _TRAVEL, _PARK, _ = map(int, ActionKind)  # plain numbers compare faster
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -380,7 +378,7 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
     }
 
 
-def _apart_in_file(path: Floats, offsets: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _apart_in_file(path: Floats, offsets: Ints) -> Flags:
     """Tell which points a file of three decimals tells from the one before in their path, (n,).
 
     Path i is path[offsets[i]:offsets[i + 1]].

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Flags, Floats
 
 EXACT = 400  # actions drawn one by one; with more, shares of equal intervals are drawn
 INTERVALS = 800
 
 
-def activity(
-    actions: HeadActions, makespan_s: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def activity(actions: HeadActions, makespan_s: float) -> tuple[Floats, Floats]:
     """Return the edges of intervals and the shares of them spent printing and travelling.
 
     Returns
@@ -36,9 +34,7 @@ def activity(
     return edges, np.clip(np.stack(columns, axis=1), 0.0, 1.0)
 
 
-def _time_spent(
-    actions: HeadActions, rows: NDArray[np.bool_], at: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _time_spent(actions: HeadActions, rows: Flags, at: Floats) -> Floats:
     """Return the seconds spent in the chosen actions up to each time."""
     if not rows.any():
         return np.zeros(len(at))

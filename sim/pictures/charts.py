@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
-from numpy.typing import NDArray
 
 from decmcts.formats.files.names import in_one_line
 from decmcts.print.figures import change, clock_time, shown
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Floats
 from sim.pictures.activity import activity
 from sim.pictures.canvas import head_colour
 
@@ -21,7 +21,6 @@ STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400,
 UNITS = "; lengths in mm, times in h:min:s"
 NAME = 14  # letters of a head's name
 TICKS = 12  # of time, at the most
-Floats = NDArray[np.float64]
 
 
 def title_lines(name: str, before: PlanDocument, after: PlanDocument) -> tuple[str, str]:

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, PlanDocument
+from sim.arrays import Floats
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
 from sim.pictures.layer_pieces import cut_handle, draw_pieces
@@ -26,7 +26,6 @@ from sim.pictures.shares import bead_grids, striped
 from sim.pictures.sheet import ENTRIES, Sheet, sheet_of
 
 NAMED = 3  # heads whose shares have room in a title
-Floats = NDArray[np.float64]
 
 
 @words_as_they_are()

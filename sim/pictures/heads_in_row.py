@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Machine
+from sim.arrays import Floats
 from sim.replay.heads_near import Shapes, outermost, shapes_of
 from sim.replay.shapes import Part, parts_of
 
 HALVINGS = 60  # of an interval of metres: far below what floats can tell
 
-Point = NDArray[np.float64]  # (2,)
+Point = Floats  # (2,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Row:
 
     axis: int  # 0: along X, 1: along Y
     order: tuple[int, ...]  # heads of the machine
-    nozzles: NDArray[np.float64]  # (n, 2)
+    nozzles: Floats  # (n, 2)
     gaps_mm: tuple[float, ...]  # between the bodies of neighbours
     ends: tuple[tuple[Point, Point], ...]  # of the gaps, seen from above
     by_rail: tuple[bool, ...]  # whether a rail keeps these neighbours further apart
@@ -109,7 +109,7 @@ def _end_of(shapes: Shapes, pair: int, unit: Point, clearance_mm: float) -> floa
     return max(0.0, outside)
 
 
-def _hull(shapes: Shapes, pair: int) -> NDArray[np.float64]:
+def _hull(shapes: Shapes, pair: int) -> Floats:
     return shapes.xy[shapes.offsets[pair] : shapes.offsets[pair + 1]]
 
 

@@ -11,9 +11,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from decmcts.print.plan import ActionKind, PlanDocument
+from sim.arrays import Flags, Ints
 from sim.pictures.canvas import TRAVEL, head_colour
 from sim.pictures.layer_travels import Travels
 from sim.pictures.round_beads import RoundBeads, draw_from_above, round_beads_of
@@ -21,7 +21,6 @@ from sim.pictures.round_beads import RoundBeads, draw_from_above, round_beads_of
 GROUND, SHADOW, KEPT = "#d4d4d4", "#f3f3f3", "#555555"
 DASHES = (0, (4, 2))
 FULL = 300  # travels drawn with full strength; more are drawn thinner
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +29,12 @@ class LayerView:
 
     document: PlanDocument
     travels: Travels
-    new: NDArray[np.bool_]  # (travels,) in no place of the other plan
+    new: Flags  # (travels,) in no place of the other plan
     layer: int  # as the contours number it
     row: int  # as the travels do
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Ints:
         """The travels that lead to the layer."""
         return self.travels.of_layer(self.row)
 
@@ -101,7 +100,7 @@ def _draw_beads(axis: Any, view: LayerView, inch_a_mm: float) -> None:
         draw_from_above(axis, _of(round_beads_of(actions, contours), mine), colour)
 
 
-def _of(beads: RoundBeads, actions: NDArray[np.int64]) -> RoundBeads:
+def _of(beads: RoundBeads, actions: Ints) -> RoundBeads:
     """Return the dots and vertical beads of some actions."""
     kept = np.isin(beads.action, actions)
     return RoundBeads(

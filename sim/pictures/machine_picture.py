@@ -13,9 +13,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.transforms import ScaledTranslation
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine, Rail
+from sim.arrays import Floats
 from sim.pictures.canvas import head_colour, save
 from sim.pictures.heads_in_row import Row, row_of
 from sim.pictures.row_picture import draw_row_above, draw_row_beside, shortened, write_row
@@ -111,7 +111,7 @@ def _below(axis: Any, inches: float) -> Any:
     return axis.transAxes + ScaledTranslation(0.0, -inches, scale)
 
 
-def _frame(axis: Any, points: NDArray[np.float64]) -> None:
+def _frame(axis: Any, points: Floats) -> None:
     """Show a square around the nozzle that holds the points, if they are near."""
     half = min(NEAR_MM, 1.15 * float(np.abs(points).max()) + 2.0)
     axis.set_xlim(-half, half)
@@ -202,7 +202,7 @@ def _draw_parked(axis: Any, head: Head, colour: str) -> None:
         axis.add_patch(Rectangle(corner, *size, fill=False, ec=colour, lw=1.0))
 
 
-def _parked_corners(machine: Machine) -> list[NDArray[np.float64]]:
+def _parked_corners(machine: Machine) -> list[Floats]:
     """Return what of the parked heads the frame holds: parks, and bodies not far from them."""
     return [
         np.add(head.park[:2], np.clip(corner[:2], -BESIDE_MM, BESIDE_MM))

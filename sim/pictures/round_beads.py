@@ -11,19 +11,17 @@ from typing import Any
 
 import numpy as np
 from matplotlib.collections import EllipseCollection
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
-
-Floats = NDArray[np.float64]
+from sim.arrays import Flags, Floats, Ints
 
 
 @dataclass(frozen=True, slots=True)
 class RoundBeads:
     """Dots and vertical beads that a head prints."""
 
-    action: NDArray[np.int64]  # (k,)
+    action: Ints  # (k,)
     centre: Floats  # (k, 2) mm
     low: Floats  # (k,) lowest z of the nozzle, mm
     high: Floats  # (k,) highest
@@ -31,7 +29,7 @@ class RoundBeads:
     height: Floats  # (k,) of the bead, mm
 
     @property
-    def is_dot(self) -> NDArray[np.bool_]:
+    def is_dot(self) -> Flags:
         """Tell which are dots, (k,)."""
         return np.asarray(self.high - self.low <= 0.0)
 

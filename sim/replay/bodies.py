@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions
+from sim.arrays import Floats, Ints
 from sim.replay.boxes import near_in_windows
 from sim.replay.collision import Solid, Vertices, swept_vertices
 from sim.replay.shapes import parts_of
@@ -32,20 +32,20 @@ class Stations:
     What may happen meanwhile is an interval [low, high) of the other's actions.
     """
 
-    points: NDArray[np.float64]  # (k, 3) of all paths, one after the other
-    offsets: NDArray[np.int64]  # (n + 1,) rows of `points`
-    boxes: NDArray[np.float64]  # (n, 6) of the nozzle: low, high
-    low: NDArray[np.int64]  # (n,) first action of the other head
-    high: NDArray[np.int64]  # (n,) one past the last
-    action: NDArray[np.int64]  # (n,) own action, or the one a rest comes after; -1 before the first
+    points: Floats  # (k, 3) of all paths, one after the other
+    offsets: Ints  # (n + 1,) rows of `points`
+    boxes: Floats  # (n, 6) of the nozzle: low, high
+    low: Ints  # (n,) first action of the other head
+    high: Ints  # (n,) one past the last
+    action: Ints  # (n,) own action, or the one a rest comes after; -1 before the first
     rest: bool
 
-    def path(self, i: int) -> NDArray[np.float64]:
+    def path(self, i: int) -> Floats:
         """Return the path of one, (k, 3)."""
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
 
-def boxes_of(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
+def boxes_of(points: Floats, offsets: Ints) -> Floats:
     """Return the bounding boxes of nozzle paths, none empty, (n, 6)."""
     if len(offsets) < 2:
         return np.empty((0, 6))
@@ -61,7 +61,7 @@ def action_stations(actions: HeadActions, order: PartialOrder, head: int, other:
 
 
 def rest_stations(
-    actions: HeadActions, order: PartialOrder, head: int, other: int, park: NDArray[np.float64]
+    actions: HeadActions, order: PartialOrder, head: int, other: int, park: Floats
 ) -> Stations:
     """Return every rest of a head with the actions of `other` that may pass by then.
 
@@ -147,18 +147,13 @@ def find_clashes(
     return list(clashes.values())
 
 
-def _grown(boxes: NDArray[np.float64], shape: Vertices, margin: float) -> NDArray[np.float64]:
+def _grown(boxes: Floats, shape: Vertices, margin: float) -> Floats:
     """Return the boxes of a shape whose nozzle stays within the given boxes."""
     return np.asarray(boxes + np.hstack([shape.min(axis=0) - margin, shape.max(axis=0) + margin]))
 
 
 def _near_pairs(
-    pairs: NDArray[np.int64],
-    stations: Stations,
-    others: Stations,
-    a: Vertices,
-    b: Vertices,
-    reach: float,
+    pairs: Ints, stations: Stations, others: Stations, a: Vertices, b: Vertices, reach: float
 ) -> list[tuple[int, int]]:
     """Return the pairs in which these two parts' swept bounding boxes come nearer than `reach`."""
     mine = _grown(stations.boxes[pairs[:, 0]], a, reach)
@@ -207,11 +202,7 @@ def find_rail_breaks(
 
 
 def path_gap(
-    path: NDArray[np.float64],
-    shape: Vertices,
-    other: NDArray[np.float64],
-    other_shape: Vertices,
-    reach: float,
+    path: Floats, shape: Vertices, other: Floats, other_shape: Vertices, reach: float
 ) -> float:
     """Return the least distance of two swept shapes, as far as it is below `reach`."""
     least = np.inf
@@ -224,23 +215,19 @@ def path_gap(
     return float(least)
 
 
-def _segment_solid(path: NDArray[np.float64], i: int, shape: Vertices) -> Solid:
+def _segment_solid(path: Floats, i: int, shape: Vertices) -> Solid:
     end = path[min(i + 1, len(path) - 1)]
     return Solid(swept_vertices(shape, path[i], end))
 
 
-def _segment_boxes(path: NDArray[np.float64], shape: Vertices) -> NDArray[np.float64]:
+def _segment_boxes(path: Floats, shape: Vertices) -> Floats:
     start, end = (path[:-1], path[1:]) if len(path) > 1 else (path, path)
     low, high = np.minimum(start, end), np.maximum(start, end)
     return np.hstack([low + shape.min(axis=0), high + shape.max(axis=0)])
 
 
 def _near_segments(
-    path: NDArray[np.float64],
-    shape: Vertices,
-    other: NDArray[np.float64],
-    other_shape: Vertices,
-    reach: float,
+    path: Floats, shape: Vertices, other: Floats, other_shape: Vertices, reach: float
 ) -> Iterator[tuple[int, int]]:
     """Yield pairs of segments whose swept boxes come nearer than `reach`."""
     theirs = _segment_boxes(other, other_shape)

@@ -20,11 +20,11 @@ from functools import partial
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind, listed
 from sim.replay.material import Allowed, deepest_contacts
 from sim.replay.near_misses import NearPrint
@@ -37,9 +37,6 @@ SLACK_MM = 2e-3  # on depths: files have three decimals
 AT_MM = 1e-3  # a travel that starts or ends so near a contour's end goes straight up or down there
 NOBODY = -1
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True)
 class Meetings:
@@ -48,7 +45,7 @@ class Meetings:
     n: int  # contours of the print
     key: Ints  # (k,) nozzle's contour * n + bead's contour, ascending
     depth: Floats  # (k,) mm
-    beside: NDArray[np.bool_]  # (k,) two contours side by side: they keep their order
+    beside: Flags  # (k,) two contours side by side: they keep their order
 
     @property
     def pairs(self) -> Ints:
@@ -60,7 +57,7 @@ class Meetings:
         """Return those of the pairs that keep their order, (m, 2)."""
         return self.pairs[self.beside]
 
-    def allow(self, nozzle: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+    def allow(self, nozzle: Ints, bead: Ints, depth: Floats) -> Flags:
         """Tell which contacts the source makes too, no less deep; `NOBODY`'s never are."""
         if not len(self.key):
             return np.zeros(len(nozzle), np.bool_)
@@ -108,7 +105,7 @@ def _most(contours: Contours, head: Head, pairs: Ints) -> Floats:
     return np.asarray(np.where(same, np.maximum(most, min([WIDER_MM, *wider])), most))
 
 
-def _deep(contours: Contours, head: Head, pairs: Ints, depth: Floats) -> NDArray[np.bool_]:
+def _deep(contours: Contours, head: Head, pairs: Ints, depth: Floats) -> Flags:
     """Tell which contacts no order that is safe has: too deep, and between layers, (k,)."""
     other = contours.layer[pairs[:, 0]] != contours.layer[pairs[:, 1]]
     return np.asarray(other & (depth > _most(contours, head, pairs)))
@@ -138,7 +135,7 @@ def _within_layers(
     return np.concatenate(pairs), np.concatenate(depths)
 
 
-def _beside(contours: Contours, pairs: Ints) -> NDArray[np.bool_]:
+def _beside(contours: Contours, pairs: Ints) -> Flags:
     """Tell which pairs are of different contours side by side, seen from above, (k,)."""
     if not len(pairs):
         return np.empty(0, np.bool_)
@@ -199,7 +196,7 @@ def allowed_in_plan(
     left = _upright(actions, moves, before[np.maximum(leg, 0)], last=True)
     due = _upright(actions, moves, after[np.maximum(leg, 0)], last=False)
 
-    def allowed(move: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+    def allowed(move: Ints, bead: Ints, depth: Floats) -> Flags:
         label = beads.label[bead]
         met = meetings.allow(own[move], label, depth)
         for whose in (left, due):
@@ -263,7 +260,7 @@ def check_meetings(
     return faults
 
 
-def turned_touching(contour: Ints, touching: NDArray[np.bool_]) -> list[Fault]:
+def turned_touching(contour: Ints, touching: Flags) -> list[Fault]:
     """Return a fault for each contour that does not run as sliced and is `touching`."""
     wrong = contour[touching[contour]].tolist()
     lines = [

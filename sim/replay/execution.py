@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Flags, Floats, Ints
 from sim.content.legs import Legs
 from sim.content.seams import Moved, run_of
 from sim.replay.bodies import TOLERANCE_MM
@@ -29,9 +29,6 @@ from sim.replay.shapes import parts_of
 from sim.rules.order import PartialOrder
 
 SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +281,7 @@ def _near_pieces(pieces: Pieces, rows: Ints, a_box: Floats, b_box: Floats, reach
 
 
 @compiled
-def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> NDArray[np.bool_]:
+def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> Flags:
     """Tell of each row whether each tip stays below the other by less than its limit, mm, (2, 3).
 
     Least of the first less most of the second, and the other way round, axis by axis.

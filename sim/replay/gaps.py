@@ -6,11 +6,9 @@ Nothing here knows of heads or beads.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Floats
 from sim.replay.compiled import compiled
-
-Floats = NDArray[np.float64]
 
 
 @compiled

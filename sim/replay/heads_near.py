@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions
+from sim.arrays import Floats, Ints
 from sim.replay.bodies import Stations, action_stations, parked, rest_stations
 from sim.replay.boxes import build_tree
 from sim.replay.collision import Solid, swept_vertices
@@ -33,9 +33,6 @@ SAME_MM = 1e-9  # nearer by less than this is not nearer
 STACK = 64  # a binary tree of 2**63 leaves is not deeper
 SLANTING = 256  # pairs of climbing segments that are kept
 JUDGED = 32  # of those, how many FCL is asked about at the most
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

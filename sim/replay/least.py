@@ -15,15 +15,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Flags, Floats
 from sim.replay.compiled import compiled
 from sim.replay.execution import print_feeds
-
-Floats = NDArray[np.float64]
 
 
 def least_arrivals(
@@ -102,7 +100,7 @@ def _accelerations(
 
 @compiled
 def least_times(
-    length: Floats, unit: Floats, speed: Floats, rate: Floats, stops: NDArray[np.bool_],
+    length: Floats, unit: Floats, speed: Floats, rate: Floats, stops: Flags,
     jerk: Floats, deviation: float,
 ) -> Floats:  # fmt: skip
     """Return the least seconds of each segment, (n,).

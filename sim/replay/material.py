@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind
 from sim.replay.near_misses import CAPACITY, Capacity, NearPrint, UndecidedError, near_misses
 from sim.replay.overlap import meets
@@ -41,32 +41,30 @@ class Contact:
     depth_mm: float  # how far the bead's top is above the part's lower side
 
 
-Allowed = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]
+Allowed = Callable[[Ints, Ints, Floats], Flags]
 """Tells of moves, beads, and how far each bead stands above the tip, which may meet."""
 
 
-Ends = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]
+Ends = Callable[[Ints, Floats], Flags]
 """Tells which contacts, as pairs of owners (k, 2) and depths (k,), settle a question."""
 
 
-def over_tip(
-    moves: NDArray[np.float64], beads: Beads, move: NDArray[np.int64], bead: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def over_tip(moves: Floats, beads: Beads, move: Ints, bead: Ints) -> Floats:
     """Return how far the highest of a bead is above the lowest of the tip on a move, (k,) mm."""
     top = np.maximum(beads.start[bead, 2], beads.end[bead, 2])
     return np.asarray(top - np.minimum(moves[move, 2], moves[move, 5]))
 
 
 def deepest_contacts(
-    moves: NDArray[np.float64],
-    owner: NDArray[np.int64],
+    moves: Floats,
+    owner: Ints,
     beads: Beads,
     head: Head,
     *,
     margins: tuple[float, float],
     ends_at: Ends | None = None,
     capacity: Capacity = CAPACITY,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Ints, Floats]:
     """Return which owners of moves meet which beads' owners, and how deep.
 
     Parameters
@@ -97,9 +95,9 @@ def deepest_contacts(
 
 
 def _deepest(
-    search: Search, owner: NDArray[np.int64], order: NDArray[np.int64],
-    found: NDArray[np.int64], only: Ends | None = None,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:  # fmt: skip
+    search: Search, owner: Ints, order: Ints,
+    found: Ints, only: Ends | None = None,
+) -> tuple[Ints, Floats]:  # fmt: skip
     """Return the pairs of owners that meet, and how deep, of candidates; `only` some of them."""
     moves, beads = search.moves, search.beads
     polygons = [shapely.Polygon(part.polygon) for part in search.parts]
@@ -122,7 +120,7 @@ def _deepest(
 
 
 def find_contacts(
-    moves: NDArray[np.float64],
+    moves: Floats,
     beads: Beads,
     head: Head,
     *,
@@ -180,16 +178,14 @@ def find_contacts(
 class Search:
     """What the exact check of one candidate after the other needs."""
 
-    moves: NDArray[np.float64]  # (m, 6)
+    moves: Floats  # (m, 6)
     beads: Beads
     parts: list[Part]
     clearance_mm: float
     tolerance_mm: float
 
 
-def _judge_all(
-    search: Search, order: NDArray[np.int64], found: NDArray[np.int64], limit: int
-) -> list[Contact]:
+def _judge_all(search: Search, order: Ints, found: Ints, limit: int) -> list[Contact]:
     """Return which candidates are contacts, one a move, at most `limit`."""
     polygons = [shapely.Polygon(part.polygon) for part in search.parts]
     for polygon in polygons:
@@ -226,7 +222,7 @@ def _judge(
     return float(max(start[2], end[2]) - (min(row[2], row[5]) + part.low))
 
 
-def place_of(move: NDArray[np.float64]) -> str:
+def place_of(move: Floats) -> str:
     """Return the words for the middle of a move."""
     x, y, z = (move[:3] + move[3:]) / 2
     return f"({x:.2f}, {y:.2f}, {z:.2f})"

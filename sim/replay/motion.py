@@ -8,17 +8,14 @@ The planner's model is in `decmcts.print.motion` and is not used here.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import MotionLimits
+from sim.arrays import Flags, Floats, Ints
 from sim.replay.compiled import compiled
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def arrival_times(
-    path: Floats, offsets: Ints, feed: Floats, prints: NDArray[np.bool_], limits: MotionLimits
+    path: Floats, offsets: Ints, feed: Floats, prints: Flags, limits: MotionLimits
 ) -> Floats:
     """Return the seconds from the start of each polyline to each of its points, (n,).
 

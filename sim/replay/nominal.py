@@ -11,12 +11,12 @@ what nominal times are checked against. Where a head stops for another one, its 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
+from sim.arrays import Flags
 from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
@@ -57,7 +57,7 @@ def check_times(document: PlanDocument, all_actions: tuple[HeadActions, ...]) ->
     return listed(FaultKind.TIMES, lines)
 
 
-def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[NDArray[np.bool_]]:
+def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[Flags]:
     """Tell of each action whether its head surely stands still, its moves run out, before it.
 
     It does where it waits for another head, and behind an end that another head waits for if it

@@ -14,17 +14,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Floats, Ints
 from sim.replay.bead_gaps import come_nearer, margin_of
 from sim.replay.compiled import compiled
 
 CELL_MM = 2.0  # side of a cell, unless that makes too many
 MOST_CELLS = 1 << 22  # of a grid: a larger area has larger cells
 COARSE = 8  # cells of the fine grid along one side of a coarse cell
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def grid_over(low: Floats, high: Floats) -> tuple[Floats, Ints]:

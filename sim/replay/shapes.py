@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine
+from sim.arrays import Floats, Ints
 from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
 
 
@@ -15,12 +15,12 @@ from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vert
 class Beads:
     """Printed segments in any order, each with the first move that may meet it."""
 
-    start: NDArray[np.float64]  # (n, 3)
-    end: NDArray[np.float64]  # (n, 3)
-    width: NDArray[np.float64]  # (n,)
-    height: NDArray[np.float64]  # (n,)
-    since: NDArray[np.int64]  # (n,) index of the first move at which it may be there
-    label: NDArray[np.int64]  # (n,) what the caller calls it, e.g. the contour
+    start: Floats  # (n, 3)
+    end: Floats  # (n, 3)
+    width: Floats  # (n,)
+    height: Floats  # (n,)
+    since: Ints  # (n,) index of the first move at which it may be there
+    label: Ints  # (n,) what the caller calls it, e.g. the contour
 
 
 CENTRELINE_MM = 1e-3
@@ -39,7 +39,7 @@ class Part:
     """A convex prism of the head, relative to the tip."""
 
     name: str
-    polygon: NDArray[np.float64]  # (k, 2) counter-clockwise
+    polygon: Floats  # (k, 2) counter-clockwise
     low: float
     high: float
     slice: bool = False  # a slice of the head: it has no top, and keeps the clearance

@@ -11,15 +11,14 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
+from sim.arrays import Floats
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
 from sim.replay.execution import print_feed
 
 TOLERANCE_S = 1e-3
-Floats = NDArray[np.float64]
 
 
 def check_signals(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[Fault]:

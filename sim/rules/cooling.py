@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules, PlanDocument
+from sim.arrays import Flags, Floats
 from sim.content.legs import Legs
 from sim.faults import Fault, FaultKind, listed
 from sim.rules.least_time import LeastTime
@@ -35,7 +36,6 @@ TRAVEL_TIMES = 15.0  # a travel up to so many times as long,
 TRAVEL_MORE_S = 1.0  # and so much more for retraction and priming;
 PRINT_TIMES = 3.0  # a print so many times: short lines at a ninth of the acceleration
 
-Floats = NDArray[np.float64]
 Recent = tuple[int, NDArray[Any], Floats]  # a contour, which ended before it, how long before
 
 
@@ -199,7 +199,7 @@ def _seconds(actions: HeadActions, arrivals: Floats) -> Floats:
     return np.where(moves, np.maximum(own, np.minimum(stated, most)), own)
 
 
-def _ends_under(above_floor: Floats, half: float) -> NDArray[np.bool_]:
+def _ends_under(above_floor: Floats, half: float) -> Flags:
     """Say whether material whose top is so far above a bead's underside lies right under the bead.
 
     `half` is half the bead's height, the tolerance either way: a bridge of twice the layer's

@@ -7,10 +7,10 @@ across: a temperature, a tool, a command nobody knows.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.rules.order import PartialOrder
 
@@ -19,7 +19,7 @@ def check_epochs(
     contours: Contours, all_actions: tuple[HeadActions, ...], order: PartialOrder
 ) -> list[Fault]:
     """Check a plan: every print follows all prints of earlier epochs, for every timing."""
-    broken: list[NDArray[np.int64]] = []
+    broken: list[Ints] = []
     for r, actions in enumerate(all_actions):
         prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
         epoch = contours.epoch[actions.contour[prints]]
@@ -35,7 +35,7 @@ def check_epochs(
     return listed(FaultKind.PRECEDENCE, lines, total=len(rows))
 
 
-def _last_before(contours: Contours, actions: HeadActions) -> NDArray[np.int64]:
+def _last_before(contours: Contours, actions: HeadActions) -> Ints:
     """Return for each epoch the last action of a head that prints an earlier one, or -1."""
     prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
     last = np.full(int(contours.epoch.max(initial=0)) + 2, -1, np.int64)
@@ -43,9 +43,7 @@ def _last_before(contours: Contours, actions: HeadActions) -> NDArray[np.int64]:
     return np.maximum.accumulate(last)
 
 
-def check_file_epochs(
-    line: NDArray[np.int64], match: NDArray[np.int64], source_epoch: NDArray[np.int64]
-) -> list[Fault]:
+def check_file_epochs(line: Ints, match: Ints, source_epoch: Ints) -> list[Fault]:
     """Check a file: the epochs of its extrusions, taken from the source, never go back.
 
     Parameters

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules
+from sim.arrays import Flags, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.rules.order import PartialOrder
 
@@ -35,9 +36,6 @@ IN_SHELLS = (
 NOT_PRINTED = -1
 PAIRS_AT_ONCE = 2**21  # of boxes that come near: some hundred MB
 LEAST_AT_ONCE = 16  # boxes asked about
-
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.rules.order import PartialOrder
 
@@ -27,8 +27,6 @@ APART_MM = 0.3  # between beads, and farther: two things that do not touch
 ROUND_MM = 0.05  # a contour that goes round others is farther out by this
 MOST = 64  # of a tool's first contours are looked at where no role is named
 TOUCHING_MM = 0.04  # beads nearer than this touch
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(slots=True)
@@ -112,7 +110,7 @@ def _uncovered(contours: Contours, first: int, count: int, low: Ints, upper: _Po
     return True
 
 
-def _bounds(contours: Contours, i: int) -> NDArray[np.float64]:
+def _bounds(contours: Contours, i: int) -> Floats:
     xy = contours.polyline(i)[:, :2]
     return np.concatenate([xy.min(axis=0), xy.max(axis=0)])
 
@@ -141,7 +139,7 @@ class _Points:
         return self.known[i]
 
 
-def _sampled(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sampled(xy: Floats) -> Floats:
     """Return points along a polyline, none farther than `SAMPLE_MM` from the next."""
     step = np.diff(xy, axis=0)
     count = np.maximum(1, np.ceil(np.linalg.norm(step, axis=1) / SAMPLE_MM)).astype(np.int64)

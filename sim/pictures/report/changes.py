@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.print.walls import outer_walls
+from sim.arrays import Flags, Floats, Ints
 from sim.pictures.layer_travels import both_ends, in_no_place_of
 from sim.pictures.report.crossings import crossed_walls, legs_over
 
@@ -17,10 +18,10 @@ CROSSED = np.uint8(8)  # an outer wall that a travel of this plan crosses
 MUCH = 0.01  # of the order, by which a contour has moved
 NOWHERE = np.zeros((0, 6), np.int64)  # both ends of no travel
 
-Flags = tuple[NDArray[np.uint8], ...]
+OfHeads = tuple[NDArray[np.uint8], ...]  # flags of the actions of each head
 
 
-def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[Flags, Flags]:
+def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[OfHeads, OfHeads]:
     """Return for each head of both plans the flags of its actions, (k,) each."""
     plans = [document.plan.heads for document in (before, after)]
     found = [[np.zeros(len(actions), np.uint8) for actions in plan] for plan in plans]
@@ -39,14 +40,14 @@ def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[Flags, Flags]:
     return tuple(found[0]), tuple(found[1])
 
 
-def _travels(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _travels(actions: HeadActions) -> tuple[Ints, Ints]:
     """Return the actions that travel, (k,), and where both ends of each are, (k, 6)."""
     rows = np.flatnonzero((actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK))
     first, last = actions.path_offsets[rows], actions.path_offsets[rows + 1] - 1
     return rows, both_ends(actions, first, last)
 
 
-def moved_contours(before: PlanDocument, after: PlanDocument) -> NDArray[np.bool_]:
+def moved_contours(before: PlanDocument, after: PlanDocument) -> Flags:
     """Tell which contours are printed by another head, or much earlier or later, (n,)."""
     n = len(before.contours)
     places = [_places(document, n) for document in (before, after)]
@@ -54,7 +55,7 @@ def moved_contours(before: PlanDocument, after: PlanDocument) -> NDArray[np.bool
     return np.asarray((head_was != head_now) | (np.abs(place_was - place_now) > MUCH))
 
 
-def _places(document: PlanDocument, n: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _places(document: PlanDocument, n: int) -> tuple[Ints, Floats]:
     """Return the head that prints each contour, and its place in the order of all, 0 to 1."""
     head, begin = np.zeros(n, np.int64), np.zeros(n)
     for index, actions in enumerate(document.plan.heads):

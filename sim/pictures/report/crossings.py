@@ -13,10 +13,11 @@ from decmcts._kernels.geometry.walls import END_MM, Walls, over_walls
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import OUTER
+from sim.arrays import Flags, Floats, Ints
 
 STRIP = np.array([1e5, 0.0])  # mm, more than any bed: each level has a part of the plane
 NO_POINTS = np.zeros((0, 3))
-Points = NDArray[np.float64]
+Points = Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,7 @@ class Legs:
     Each end has the height of its end of the action: lifts are looked at from above.
     """
 
-    action: NDArray[np.int64]  # (k,) they belong to
+    action: Ints  # (k,) they belong to
     start: Points  # (k, 3)
     goal: Points  # (k, 3)
 
@@ -42,7 +43,7 @@ def legs_over(walls: Walls, actions: HeadActions) -> Legs:
     return Legs(owner[legs[over]], start[over], goal[over])
 
 
-def crossed_walls(contours: Contours, legs: Sequence[Legs]) -> NDArray[np.bool_]:
+def crossed_walls(contours: Contours, legs: Sequence[Legs]) -> Flags:
     """Tell which contours are outer walls that any of the legs crosses, (n,)."""
     crossed = np.zeros(len(contours), np.bool_)
     start = np.concatenate([NO_POINTS, *(each.start for each in legs)])
@@ -63,9 +64,7 @@ def crossed_walls(contours: Contours, legs: Sequence[Legs]) -> NDArray[np.bool_]
     return crossed
 
 
-def _lines(
-    contours: Contours, rows: NDArray[np.int64], level: NDArray[np.int64]
-) -> NDArray[np.object_]:
+def _lines(contours: Contours, rows: Ints, level: Ints) -> NDArray[np.object_]:
     """Return contours as lines in the strips of their levels, closed where they are loops."""
     sizes = np.diff(contours.offsets)[rows]
     owner = np.repeat(np.arange(len(rows)), sizes)

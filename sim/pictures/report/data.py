@@ -7,7 +7,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
@@ -16,6 +15,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import PlanDocument
 from decmcts.version import __version__
+from sim.arrays import Floats
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.changes import flags_of
 from sim.pictures.report.cuts import cuts_of_page
@@ -24,7 +24,7 @@ from sim.pictures.report.saving import saving_of
 from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
 from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
 
-History = Sequence[Sequence[float]] | NDArray[np.float64]
+History = Sequence[Sequence[float]] | Floats
 MOST_CLUSTERED = 50_000  # contours; of more there are no clusters in the page
 MOST_EDGES = 300_000  # of the graph; with more the page has none
 
