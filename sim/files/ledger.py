@@ -186,20 +186,20 @@ def _check_nets(book: Book, own: Book, motions: Motions) -> list[Fault]:
     off = np.flatnonzero(np.abs(book.net - due) > NET_MM)
     above = np.flatnonzero(np.abs(book.net_above - due_above) > NET_MM)
     lines = [
-        f"line {line[at[k]]} begins a bead with {_left(book.net[k])}, "
-        f"the source with {_left(due[k])}"
+        f"line {line[at[k]]} begins a bead with {in_words(book.net[k])}, "
+        f"the source with {in_words(due[k])}"
         for k in off[:LIMIT].tolist()
     ]
     lines += [
         f"above line {line[at[k]]} the source's own lines are begun with "
-        f"{_left(book.net_above[k])}, in the source with {_left(due_above[k])}"
+        f"{in_words(book.net_above[k])}, in the source with {in_words(due_above[k])}"
         for k in above[:LIMIT].tolist()
     ]
     return listed(FaultKind.STATE, lines, total=len(off) + len(above))
 
 
-def _left(net: float) -> str:
-    """Return in words what the moves of a stretch leave retracted, or pushed on the spot."""
+def in_words(net: float) -> str:
+    """Return in words what moves leave retracted, or pushed on the spot."""
     if net > 0.0:
         return f"{net:.4g} mm pushed on the spot"
     return f"{abs(net):.4g} mm retracted"

@@ -7,7 +7,6 @@ acceleration, and what they dwell. A wait takes as long as it takes, at least no
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
@@ -21,7 +20,6 @@ from sim.heads.file import HeadFile
 
 ROUNDING_S = 1e-4
 SPARE, SPARE_S = 0.1, 0.01  # by which a writer may put signals further apart
-_DWELL = re.compile(rb"G4 P(\d+)\Z")
 
 
 def least_clock(file: HeadFile) -> Floats:
@@ -32,34 +30,28 @@ def least_clock(file: HeadFile) -> Floats:
     moving = (length > 0.0) & (motion.feed > 0.0)
     seconds = length[moving] / motion.feed[moving]
     np.add.at(clock, motion.line[moving] + 2, seconds)
-    for line, code in file.others:
-        if match := _DWELL.match(code):
-            clock[line + 1] += int(match[1]) / 1000.0
+    clock[np.array(file.rests.dwells, np.int64) + 1] += np.diff(file.rests.total_ms) / 1000.0
     return np.asarray(np.cumsum(clock))
-
-
-def check_intervals(files: Sequence[HeadFile], interval_s: float) -> list[Fault]:
-    """Check that each head leaves so many seconds between two of its signals."""
-    lines = []
-    for file in files if interval_s > 0.0 else ():
-        clock = least_clock(file)
-        given = [sync.line for sync in file.syncs if sync.signal]
-        lines += [
-            f"{Path(file.path).name} line {later} signals {clock[later] - clock[line]:.3f} s after "
-            f"line {line}, the machine's controllers tell {interval_s:g} s apart"
-            for line, later in pairwise(given)
-            if clock[later] - clock[line] < interval_s - ROUNDING_S
-        ]
-    return listed(FaultKind.COMMAND, lines)
 
 
 class Intervals:
     """The least times of all files, and what an interval excuses."""
 
     def __init__(self, files: Sequence[HeadFile], interval_s: float) -> None:
-        self._given = [[sync.line for sync in file.syncs if sync.signal] for file in files]
+        self._files, self._interval_s = files, interval_s
         self._near_s = interval_s * (1.0 + SPARE) + SPARE_S if interval_s > 0.0 else 0.0
         self._clocks = [least_clock(file) for file in files] if interval_s > 0.0 else []
+
+    def check(self) -> list[Fault]:
+        """Check that each head leaves so many seconds between two of its signals."""
+        lines = [
+            f"{Path(file.path).name} line {later} signals {clock[later] - clock[line]:.3f} s after "
+            f"line {line}, the machine's controllers tell {self._interval_s:g} s apart"
+            for file, clock in zip(self._files, self._clocks, strict=False)
+            for line, later in pairwise(file.rests.signals)
+            if clock[later] - clock[line] < self._interval_s - ROUNDING_S
+        ]
+        return listed(FaultKind.COMMAND, lines)
 
     def excuse(self, head: int, reached: int, line: int) -> bool:
         """Tell whether what a head reached in a line may be signalled in a later one for this.
@@ -68,7 +60,7 @@ class Intervals:
         """
         if self._near_s <= 0.0 or line <= reached:
             return False
-        clock, given = self._clocks[head], self._given[head]
+        clock, given = self._clocks[head], self._files[head].rests.signals
         k = bisect_left(given, line)
         passed = clock[reached + 1]
         behind = k > 0 and passed - clock[given[k - 1]] < self._near_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,14 @@ from sim.arrays import Floats
 SAME_MM = 1.1e-3  # files have three decimals
 E_MM = 5e-5
 FEED_MM_S = 1e-3
+
+
+class Bead(NamedTuple):
+    """A contour that a file prints: moves begin..end - 1."""
+
+    contour: int
+    begin: int
+    end: int
 
 
 @dataclass(frozen=True, slots=True)

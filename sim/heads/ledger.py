@@ -30,21 +30,21 @@ from decmcts.print.job import PrintJob
 from sim.arrays import Floats, Ints
 from sim.content.pieces import beginnings
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.files.ledger import MORE_MM, NET_MM, TOTAL_MM, Book, lines_in_source, tools_of
-from sim.heads.changes import nets_of_tools
+from sim.files.ledger import (
+    MORE_MM,
+    NET_MM,
+    TOTAL_MM,
+    Book,
+    in_words,
+    lines_in_source,
+    tools_of,
+)
+from sim.heads.changes import NO_GAP, gaps_of_tools
 from sim.heads.file import HeadFile
+from sim.heads.laid import Bead
 
 UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
 # that may move filament unseen, or after which it is another tool's
-
-
-@dataclass(frozen=True, slots=True)
-class Bead:
-    """A contour that a file prints: moves begin..end - 1."""
-
-    contour: int
-    begin: int
-    end: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,11 +148,11 @@ def _without_changes(
     `number` is the tool of each contour, `primes` what primes each tool. Returns what the source
     pushes behind the first change to each tool, beyond what is retracted.
     """
-    since = nets_of_tools(source, number)
+    since = gaps_of_tools(source, number)
     free = [c for k, c in enumerate(book.contour.tolist()) if book.lines[k] < 0]
     for c in free:
         changed = c > 0 and number[c] != number[c - 1] and c in since
-        net[c] = since.get(c, 0.0) - (primes.get(int(number[c]), 0.0) if changed else 0.0)
+        net[c] = since.get(c, NO_GAP).net - (primes.get(int(number[c]), 0.0) if changed else 0.0)
     starts, line = dict[int, float](), np.asarray(source.line)
     tools, given = tools_of(source), np.asarray(source.extrusion)
     for own in document.own_starts:
@@ -261,7 +261,8 @@ class _Account:
         if abs(net - due) > NET_MM:
             self.texts.append(
                 f"line {self._line(bead.begin)} begins contour {bead.contour} with "
-                f"{_words(net - self.retracted)}, the source with {_words(due - self.retracted)}"
+                f"{in_words(net - self.retracted)}, the source with "
+                f"{in_words(due - self.retracted)}"
             )
         given = self.total[bead.end] - self.total[bead.begin]
         self.over += net - due + given - float(dues.extrusion[bead.contour])
@@ -291,7 +292,7 @@ class _Account:
                 if abs(net - due) > NET_MM:
                     self.texts.append(
                         f"above line {lines[0]} the source's line {block.line} is begun with "
-                        f"{_words(net - self.retracted)}, in the source with {_words(above)}"
+                        f"{in_words(net - self.retracted)}, in the source with {in_words(above)}"
                     )
                 self.over += net - due
                 self.retracted = -above
@@ -329,8 +330,3 @@ class _Account:
     def _line(self, move: int) -> int:
         lines = self.head.file.motion.line
         return int(lines[min(move, len(lines) - 1)]) + 1
-
-
-def _words(net: float) -> str:
-    """Return in words what is left retracted, or pushed on the spot."""
-    return f"{net:.4g} mm pushed on the spot" if net > 0.0 else f"{abs(net):.4g} mm retracted"

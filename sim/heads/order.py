@@ -8,11 +8,9 @@ files taken together never deadlock.
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -20,37 +18,13 @@ import numpy as np
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.faults import Fault, FaultKind, listed
-from sim.heads.file import HeadFile, Sync
+from sim.heads.file import HeadFile, Rests
 from sim.heads.intervals import Intervals
-from sim.heads.sync import Knowledge
+from sim.heads.sync import Knowledge, Sync
 from sim.heads.walk import Walk
 
 LAG_TOLERANCE_S = 1e-3  # files say milliseconds
-_DWELL = re.compile(rb"G4 P(\d+)\Z")
-Windows = tuple[list[int], list[int]]
-
-
-@dataclass(frozen=True, slots=True)
-class Rests:
-    """Where one head's file waits and stands still, found once for all that is asked of it."""
-
-    waits: list[int]  # (w,) lines of waits, ascending
-    dwells: list[int]  # (d,) lines of dwells, ascending
-    total_ms: list[int]  # (d + 1,) all dwells before each of them, and all of them
-
-    @classmethod
-    def of(cls, file: HeadFile) -> Rests:
-        """Return the waits and dwells of a file; every command is read once."""
-        found = ((line, _DWELL.match(code)) for line, code in file.others)
-        dwells = [(line, int(match[1])) for line, match in found if match is not None]
-        waits = [sync.line for sync in file.syncs if not sync.signal]
-        total_ms = list(accumulate((ms for _, ms in dwells), initial=0))
-        return cls(waits, [line for line, _ in dwells], total_ms)
-
-    def between_s(self, above: int, below: int) -> float:
-        """Return the seconds dwelt below line `above` and above line `below`."""
-        low, high = bisect_right(self.dwells, above), bisect_left(self.dwells, below)
-        return (self.total_ms[max(low, high)] - self.total_ms[low]) / 1000.0
+Windows = tuple[list[int], list[int]]  # lines between which the sync points of actions stand
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,23 +58,24 @@ def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) ->
 
 def check_order(
     files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[Parts],
-    walks: list[Walk], interval_s: float = 0.0, *, read: bool = False,
+    walks: list[Walk], intervals: Intervals, *, read: bool = False,
 ) -> list[Fault]:  # fmt: skip
     """Check that the files order what the plan orders, and keep set-up first and end code last.
 
     With `read` the plan was read from the files. It then has no edge for what a head knows
     already, so waits without an edge of the plan are no faults. A signal may be given later than at
-    its point where another is nearer than `interval_s`. Each edge, wait and dwell costs
+    its point where another is nearer than `intervals` allow. Each edge, wait and dwell costs
     O(log n), whatever else the files hold.
     """
     lines = []
     heads = range(len(files))
     firsts = [next((line for line in walks[h].first if line > 0), parts[h].end_code) for h in heads]
     lasts = [max(walks[h].last, default=parts[h].parked) for h in heads]
-    rests = [Rests.of(file) for file in files]
-    windows = [_windows(walks[h], parts[h]) for h in heads]
+    windows = [
+        ([part.parked, *walk.last], walk.ahead(part.end_code))
+        for part, walk in zip(parts, walks, strict=True)
+    ]
     given = {s.number: (g, s) for g, file in enumerate(files) for s in file.syncs if s.signal}
-    intervals = Intervals(files, interval_s)
     for h in heads:
         name = plan.heads[h].head
         for g in heads:
@@ -116,10 +91,10 @@ def check_order(
             if g == h - 1 and known.done(h, parts[h].end_code, g) < _last_end(files[g], parts[g]):
                 lines.append(f"the end codes of heads {other} and {name} may run at once")
         lines += _in_motion(files[h], given, firsts, lasts, h, name)
-        begins = _next_moves(walks[h])
-        lines += _unkept(rests[h], begins, plan, known, walks, h)
-        lines += _unrested(rests[h], begins, plan, known, walks, h)
-        lines += _stops(files[h], rests[h], plan.heads[h], walks[h])
+        begins = walks[h].ahead(0)
+        lines += _unkept(files[h].rests, begins, plan, known, walks, h)
+        lines += _unrested(files[h].rests, begins, plan, known, walks, h)
+        lines += _stops(files[h], plan.heads[h], walks[h])
         if not read:
             lines += _unplanned(files, plan, parts, walks, h, given, windows, firsts, intervals)
     return listed(FaultKind.PRECEDENCE, lines)
@@ -140,15 +115,6 @@ def _in_motion(
         f"head {name} line {s.line} waits behind its print for a signal not given at rest"
         for s in late
     ]
-
-
-def _next_moves(walk: Walk) -> list[int]:
-    """Return the line of the first move of each action or of a later one; 0 where there is none."""
-    begins = [*walk.first, 0]
-    for k in range(len(walk.first) - 1, -1, -1):
-        if begins[k] <= 0:
-            begins[k] = begins[k + 1]
-    return begins
 
 
 def _last_end(file: HeadFile, part: Parts) -> int:
@@ -222,9 +188,9 @@ def _unrested(
     return lines
 
 
-def _stops(file: HeadFile, rests: Rests, actions: HeadActions, walk: Walk) -> list[str]:
+def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
     """Return the lines that make a head stand still within an action."""
-    lines = rests.dwells + [sync.line for sync in file.syncs if not sync.moving]
+    lines = file.rests.dwells + [sync.line for sync in file.syncs if not sync.moving]
     return [
         f"head {actions.head} line {line} stops the head within action {k}"
         for line in lines
@@ -263,15 +229,6 @@ def _unplanned(
                 continue
             lines.append(f"head {plan.heads[h].head} line {sync.line} waits where no plan does")
     return lines
-
-
-def _windows(walk: Walk, part: Parts) -> Windows:
-    """Return the lines between which the sync points before each action, and at the end, stand."""
-    low = [part.parked, *walk.last]
-    high = [part.end_code] * (len(walk.first) + 1)
-    for k in range(len(walk.first) - 1, -1, -1):
-        high[k] = walk.first[k] if walk.first[k] > 0 else high[k + 1]
-    return low, high
 
 
 def _passed(walk: Walk, line: int) -> set[tuple[int, int]]:

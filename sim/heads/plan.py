@@ -157,8 +157,7 @@ def _begin(file: HeadFile) -> int:
 
     A head that signals nothing goes up, goes across to its park position, and begins.
     """
-    given = [s.line for s in file.syncs if s.signal]
-    if given:
+    if given := file.rests.signals:
         return int(file.motion.before[given[0] - 1])
     across = axis_moves(file)[1:2]
     return int(file.motion.before[across[0]]) if across else 0

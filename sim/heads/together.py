@@ -32,9 +32,9 @@ from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.idle import Idled, Idling, check_idle
-from sim.heads.intervals import check_intervals
+from sim.heads.intervals import Intervals
 from sim.heads.laid import SAME_MM
-from sim.heads.ledger import Bead, Printed, behind, belongs_to_bead, check_filament, dues_of
+from sim.heads.ledger import Printed, behind, belongs_to_bead, check_filament, dues_of
 from sim.heads.macros import check_words
 from sim.heads.order import Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
@@ -171,10 +171,10 @@ def judge_together(
             faults += check_hot_ends(laid, source, job, document)
     known = Knowledge([file.syncs for file in files])
     faults += check_words(words, release) + check_sync(files, known, release)
-    apart_s = interval_s if release == "point" else 0.0
-    faults += check_intervals(files, apart_s)
+    intervals = Intervals(files, interval_s if release == "point" else 0.0)
+    faults += intervals.check()
     if complete and not known.stuck:
-        faults += check_order(files, plan, known, parts, walks, apart_s, read=read)
+        faults += check_order(files, plan, known, parts, walks, intervals, read=read)
     signals = sum(len(file.syncs) for file in files)
     return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
 
@@ -190,11 +190,11 @@ def _check_filament(
     for each, actions in zip(walked, plan.heads, strict=True):
         part, laid, idling = each.part, each.walk.laid, each.idling
         if laid:
-            tool = int(job.contours.tool[laid[0][0]])
-            beads, practice = [Bead(*bead) for bead in laid], idling.practice
+            tool = int(job.contours.tool[laid[0].contour])
+            practice = idling.practice
             heads.append(
                 Printed(
-                    actions.head, each.file, tool, part.begin, beads, part.blocks, part.end,
+                    actions.head, each.file, tool, part.begin, laid, part.blocks, part.end,
                     practice.prime_mm, idling.primed, practice.retract_mm,
                     idling.pulled_before(actions),
                 )
@@ -303,9 +303,7 @@ def _judge_one(
             continue
         if not (is_move(code) or accepted(file.row(line), known)):
             words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
-    words += [f"line {line}: no M400 stands before this signal at rest" for line in file.loose]
-    words += [f"line {line} {what}" for line, what in file.amiss]
-    words += [f"line {line}: a dwell stands before this signal in motion" for line in file.still]
+    words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])
 

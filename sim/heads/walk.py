@@ -24,7 +24,7 @@ from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Moved, Run, run_of
 from sim.heads.file import HeadFile
-from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Laid, pairs_of_states
+from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Bead, Laid, pairs_of_states
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
@@ -38,9 +38,20 @@ class Walk:
     first: list[int] = field(default_factory=list)  # (k,) line of each action's first move
     last: list[int] = field(default_factory=list)  # (k,) line of the last move up to its end
     reached: list[list[int]] = field(default_factory=list)  # (k,) line of the move to each point
-    laid: list[tuple[int, int, int]] = field(default_factory=list)  # contour, moves begin..end - 1
+    laid: list[Bead] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     complete: bool = False
+
+    def ahead(self, beyond: int) -> list[int]:
+        """Return the line of the first move of each action or of a later one, (k + 1,).
+
+        It is `beyond` where there is none.
+        """
+        lines = [*self.first, beyond]
+        for k in range(len(self.first) - 1, -1, -1):
+            if lines[k] <= 0:
+                lines[k] = lines[k + 1]
+        return lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +208,7 @@ class Walker:
         reached = self.walk.reached[k]
         reached.append(self._line(self.at - 1))
         stop = self.at + (b - a - 1 if laid is None else len(laid.extrusion))
-        self.walk.laid.append((contour, self.at, stop))
+        self.walk.laid.append(Bead(contour, self.at, stop))
         if stop <= self.end and (laid is None or self._as_laid(laid, stop)):
             if laid is None:
                 self._later.append((contour, is_reversed, self.at))
