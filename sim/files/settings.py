@@ -20,6 +20,7 @@ import numpy as np
 from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.command_book import commands_of
+from sim.files.lines import in_force
 
 _FAN = re.compile(rb"M(10[67]|12[67])(?![\d.]|[A-Z_]{2})(.*)", re.I | re.S)
 _SET = re.compile(
@@ -89,13 +90,14 @@ class _Book:
 
     @staticmethod
     def of(name: str, has: list[tuple[int, str]], due: list[tuple[int, str]]) -> _Book:
-        values = [_UNSAID.get(name, ""), *(value for _, value in [*has, *due])]
-        return _Book(name, list(dict.fromkeys(values)), has, due)
+        first = (0, _UNSAID.get(name, ""))
+        values = list(dict.fromkeys(value for _, value in [first, *has, *due]))
+        return _Book(name, values, [first, *has], [first, *due])
 
     def differing(self, line: Ints, source_line: Ints) -> tuple[Ints, Ints, Ints]:
         """Return the values at lines of the file and of the source, and where they are at odds."""
-        a = _in_force(self.has, self.values, line)
-        b = _in_force(self.due, self.values, source_line)
+        number = {value: k for k, value in enumerate(self.values)}
+        a, b = in_force(self.has, number, line), in_force(self.due, number, source_line)
         return a, b, np.flatnonzero((a != b) & ((b > 0) | bool(self.values[0])))
 
 
@@ -175,11 +177,3 @@ def _tool_of(name: str) -> str:
     """Return the number of a tool, or its name."""
     named = _EXTRUDER.fullmatch(name)
     return (named[1] if named else name).lstrip("0") or "0"
-
-
-def _in_force(changes: list[tuple[int, str]], values: list[str], line: Ints) -> Ints:
-    """Return which of the values holds at each line, (n,)."""
-    number = {value: k for k, value in enumerate(values)}
-    rows = np.array([0, *(row for row, _ in changes)], np.int64)
-    held = np.array([0, *(number[value] for _, value in changes)], np.int64)
-    return np.asarray(held[np.searchsorted(rows, line, side="left") - 1])

@@ -9,9 +9,8 @@ source does, and no written move touches the print.
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -102,8 +101,7 @@ def _verify(
     seams: Sequence[Moved] | None, actions: HeadActions | None, plate: int | None,
 ) -> Verdict:  # fmt: skip
     """Return the verdict on a file with the epochs and the blocks that are given."""
-    started = time.perf_counter()
-    source = document.moves if document.moves is not None else moves_of(document)
+    source = moves_of(document)
     if source is None:
         raise InputError("the source's moves are not known", path=document.path)
     try:
@@ -115,17 +113,12 @@ def _verify(
         job, document = taken.job, taken.document
     matched = check_moves(motions, source, machine, job=job, seams=written.seams)
     if matched.is_other:
-        return Verdict(tuple(matched.faults))
-    faults = check_line_numbers(path, plate) + matched.faults + written.faults
-    faults += _check_text(written, source, (job, document), matched, taken)
+        return matched.verdict()
+    faults = written.faults + _check_text(written, source, (job, document), matched, taken)
     if actions is not None:
         faults += _check_waits(written.text, motions, matched.laid, actions)
-    counts = {
-        "moves": float(len(motions.line)),
-        "segments": float(len(matched.segments.ends)),
-        "seconds": time.perf_counter() - started,
-    }
-    return Verdict(tuple(faults), counts, (), matched.met.warnings, matched.met.nearest)
+    verdict = matched.verdict(faults)
+    return replace(verdict, faults=(*check_line_numbers(path, plate), *verdict.faults))
 
 
 def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Verdict:
@@ -136,11 +129,8 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     """
     moves = document.moves
     assert moves is not None
-    matched = check_moves(moves, moves, machine, job=job)
     checked = ("the file is its source, byte for byte",)
-    counts = {"moves": float(len(moves.line)), "segments": float(len(matched.segments.ends))}
-    met = matched.met
-    return Verdict(tuple(matched.faults), counts, checked, met.warnings, met.nearest)
+    return check_moves(moves, moves, machine, job=job).verdict(checked=checked)
 
 
 def check_line_numbers(path: Path | str, plate: int | None) -> list[Fault]:
@@ -263,6 +253,8 @@ def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions
 
 def moves_of(document: GcodeDocument) -> Motions | None:
     """Return the moves of the source; None where it was no G-code file."""
+    if document.moves is not None:
+        return document.moves
     try:
         return read_motions(document.path, document.plate)
     except InputError:

@@ -17,7 +17,7 @@ from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
-from sim.files.commands import no_moves
+from sim.files.commands import codes_of, no_moves
 from sim.heads.heat import SELECTS, heat_of
 from sim.heads.sync import Reader, Sync
 
@@ -173,7 +173,7 @@ def own_commands(
         Whether filament of the tool in use is this head's: not where it is for another's bead.
     """
     kept = []
-    for code in filter(None, map(command_of, text.split(b"\n"))):
+    for code in codes_of(text):
         name = code.split()[0].upper()
         relative_e = _E_COUNTS.get(name, relative_e)
         others = None not in (selected, tool) and selected != tool

@@ -183,7 +183,7 @@ def _check_filament(
     walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument
 ) -> list[Fault]:
     """Check what all files give against what the source gives, by tool and between beads."""
-    source = document.moves if document.moves is not None else moves_of(document)
+    source = moves_of(document)
     if source is None or not len(job.contours):
         return []
     heads = []

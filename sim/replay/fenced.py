@@ -14,9 +14,9 @@ from decmcts.print.machine import Head, Machine, Point
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Floats
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.replay.growth import beads_there, moves_of
+from sim.replay.growth import moves_of
 from sim.replay.material import find_contacts
-from sim.replay.shapes import as_material, parts_of
+from sim.replay.shapes import as_material, beads_there, parts_of
 
 TOLERANCE_MM = 1e-4
 

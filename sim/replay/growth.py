@@ -68,18 +68,6 @@ def beads_for(contours: Contours, legs: Legs, order: PartialOrder, head: int) ->
     return Beads(start, end, width, height, since.astype(np.int64), label.astype(np.int64))
 
 
-def beads_there(printed: Contours) -> Beads:
-    """Return the beads of what stands on the bed before the first move."""
-    begins = np.zeros(len(printed.points), np.bool_)
-    begins[printed.offsets[:-1]] = True
-    end = np.flatnonzero(~begins)
-    label = np.repeat(np.arange(len(printed)), np.diff(printed.offsets) - 1)
-    return Beads(
-        printed.points[end - 1], printed.points[end], printed.width[label], printed.height[label],
-        np.zeros(len(end), np.int64), label.astype(np.int64),
-    )  # fmt: skip
-
-
 def _own_since(
     actions: HeadActions, starts: Ints, owner: Ints, last: Ints, moves_begin: Ints
 ) -> Ints:

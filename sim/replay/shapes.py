@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
-from sim.arrays import Floats, Ints
+from sim.arrays import Flags, Floats, Ints
 from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
 
 
@@ -21,6 +22,22 @@ class Beads:
     height: Floats  # (n,)
     since: Ints  # (n,) index of the first move at which it may be there
     label: Ints  # (n,) what the caller calls it, e.g. the contour
+
+    def at(self, rows: Flags) -> Beads:
+        """Return some of the beads."""
+        return Beads(*(getattr(self, name)[rows] for name in self.__slots__))
+
+
+def beads_there(printed: Contours) -> Beads:
+    """Return the beads of contours that stand there before the first move."""
+    begins = np.zeros(len(printed.points), np.bool_)
+    begins[printed.offsets[:-1]] = True
+    end = np.flatnonzero(~begins)
+    label = np.repeat(np.arange(len(printed)), np.diff(printed.offsets) - 1)
+    return Beads(
+        printed.points[end - 1], printed.points[end], printed.width[label], printed.height[label],
+        np.zeros(len(end), np.int64), label.astype(np.int64),
+    )  # fmt: skip
 
 
 CENTRELINE_MM = 1e-3
