@@ -31,7 +31,7 @@ from sim.content.same_print import (
 from sim.content.welds import check_welds
 from sim.faults import LIMIT, Fault, FaultKind, Gap, Nearest, Verdict, listed
 from sim.files.extent import check_extent
-from sim.replay.apart import check_heads, check_rail, count_pairs, nearest_heads
+from sim.replay.bodies import check_heads, check_rail, count_pairs
 from sim.replay.contacts import (
     Meetings,
     allowed_in_plan,
@@ -50,10 +50,10 @@ from sim.replay.execution import (
 )
 from sim.replay.fenced import check_fenced
 from sim.replay.growth import beads_for, moves_of
+from sim.replay.heads_near import nearest_heads
 from sim.replay.material import find_contacts, or_undecided, place_of
-from sim.replay.nominal import check_least, check_metrics, check_times
+from sim.replay.nominal import check_least, check_metrics, check_signals, check_times
 from sim.replay.shapes import as_material, beads_there
-from sim.replay.signals import check_signals
 from sim.rules.cooling import check_cooling
 from sim.rules.order import PartialOrder, order_of
 from sim.rules.order_rules import check_order, statements, usual_rules

@@ -78,6 +78,31 @@ def run_of(contours: Contours, moved: Moved) -> Run | str:
     return _filled(contours, moved, rows[:m], path, share)
 
 
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """What a print action lays down, segment by segment in its direction."""
+
+    points: Floats  # (k, 3)
+    extrusion: Floats  # (k - 1,)
+    feed: Floats  # (k - 1,)
+    rows: Ints  # (k - 1,) point of the source whose segment's state each has
+
+
+def laid_by(contours: Contours, actions: HeadActions, action: int) -> Laid | str:
+    """Return what a print action lays down, or in words why it may not run so."""
+    contour, entry = int(actions.contour[action]), int(actions.entry[action])
+    step = -1 if actions.reversed[action] else 1
+    if entry:
+        run = run_of(contours, Moved(contour, entry, actions.action_path(action)[::step]))
+        if isinstance(run, str):
+            return run
+    else:
+        rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
+        run = Run(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
+    each = (values[1:][::step] for values in (run.extrusion, run.feed, run.rows))
+    return Laid(run.points[::step], *each)
+
+
 def _forbidden(contours: Contours, contour: int, entry: int) -> str:
     """Return why a contour may not be entered at this vertex, or nothing."""
     size = int(contours.offsets[contour + 1] - contours.offsets[contour])

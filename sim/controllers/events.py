@@ -21,8 +21,7 @@ def events_of(simulation: Simulation, problem: str = "") -> EventLog:
 def _events(simulation: Simulation) -> Iterator[PrintEvent]:
     zero = simulation.begin_s
     for h, (program, run) in enumerate(zip(simulation.programs, simulation.run.heads, strict=True)):
-        firsts = np.flatnonzero(np.diff(program.action, prepend=-1) != 0)
-        lasts = np.append(firsts[1:], len(program.action)) - 1
+        firsts, lasts = program.moves_of_actions()
         for i, k in zip(firsts.tolist(), lasts.tolist(), strict=True):
             action = int(program.action[i])
             for kind, move, times, point in (

@@ -23,6 +23,7 @@ from sim.controllers.motion import Profile
 from sim.controllers.polygons import polygon_gap
 from sim.controllers.program import HeadProgram
 from sim.controllers.timing import Error
+from sim.replay.shapes import parts_of
 
 CLOSEST_MM = 0.02  # the least distance is found to within this,
 CHART_MM = 0.5  # that of each span of time for charts,
@@ -95,12 +96,9 @@ def course_of(program: HeadProgram, profile: Profile, error: Error, run: HeadRun
 
 def shape_of(head: Head) -> Shape:
     """Return the prisms of a head; its slices fill all above them."""
-    polygons = [np.asarray(p, float) for part in head.slices for p in part.polygons]
-    heights = [(part.height_mm, TALL_MM) for part in head.slices for _ in part.polygons]
-    for body in head.bodies:
-        (x, y, z), (to_x, to_y, to_z) = body.minimum, body.maximum
-        polygons.append(np.array([[x, y], [to_x, y], [to_x, to_y], [x, to_y]]))
-        heights.append((z, to_z))
+    parts = parts_of(head)
+    polygons = [part.polygon for part in parts]
+    heights = [(part.low, TALL_MM if part.slice else part.high) for part in parts]
     if not polygons:
         return Shape(np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0),
                      np.zeros((0, 2, 2)), np.zeros(0, np.bool_),

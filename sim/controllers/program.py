@@ -102,6 +102,11 @@ class HeadProgram:
         rests[before[before < len(rests)]] = True
         return rests
 
+    def moves_of_actions(self) -> tuple[Ints, Ints]:
+        """Return the first and the last move of each action that has any."""
+        firsts = np.flatnonzero(np.diff(self.action, prepend=-1) != 0)
+        return firsts, np.append(firsts[1:], len(self.action)) - 1
+
 
 def stops_of(rows: list[tuple[int, int, int, float]]) -> Stops:
     """Return stops of rows (before, kind, number, value) in their order."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
+from decmcts.print.plan import ActionKind, PlanDocument
 from sim.arrays import Floats
 from sim.controllers.adversary import adversaries
 from sim.controllers.beads import Material
@@ -21,7 +22,7 @@ from sim.controllers.nearness import Contact, Near, course_of, nearness, positio
 from sim.controllers.print_contacts import PrintContact, print_contacts
 from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
-from sim.rules.cooling import TooSoon
+from sim.rules.cooling import TooSoon, too_soon_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,3 +299,17 @@ def _waits_of(program: HeadProgram, run: Run, h: int) -> list[Wait]:
                  int(program.action[move]))
         )  # fmt: skip
     return found
+
+
+def too_soon(
+    document: PlanDocument, programs: Sequence[HeadProgram], run: Run
+) -> tuple[TooSoon, ...]:
+    """Return what a run of a plan's own actions prints over sooner than the plan's rule allows."""
+    begin, end = np.full((2, len(document.contours)), np.inf)
+    for actions, program, head in zip(document.plan.heads, programs, run.heads, strict=True):
+        firsts, lasts = program.moves_of_actions()
+        own = program.action[firsts]
+        prints = actions.kind[own] == ActionKind.PRINT
+        contours = actions.contour[own[prints]]
+        begin[contours], end[contours] = head.begin[firsts[prints]], head.end[lasts[prints]]
+    return tuple(too_soon_in(document, begin, end))

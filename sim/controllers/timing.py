@@ -45,11 +45,7 @@ def no_error(program: HeadProgram) -> Error:
 
 def draw(timing: Timing, program: HeadProgram, size: float, rng: np.random.Generator) -> Error:
     """Draw the error of one head; `size` is the share by which times may be off (0.2: 20 %)."""
-    return _DRAWS.get(timing, _none)(program, size, rng)
-
-
-def _none(program: HeadProgram, _size: float, _rng: np.random.Generator) -> Error:
-    return no_error(program)
+    return _DRAWS[timing](program, size, rng) if timing in _DRAWS else no_error(program)
 
 
 def _uniform(program: HeadProgram, size: float, rng: np.random.Generator) -> Error:

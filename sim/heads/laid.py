@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,6 @@ import numpy as np
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.print.contours import Contours
-from sim.arrays import Floats
 
 SAME_MM = 1.1e-3  # files have three decimals
 E_MM = 5e-5
@@ -24,16 +22,6 @@ class Bead(NamedTuple):
     contour: int
     begin: int
     end: int
-
-
-@dataclass(frozen=True, slots=True)
-class Laid:
-    """What one print action lays down, in its direction."""
-
-    points: Floats  # (k, 3)
-    extrusion: Floats  # (k - 1,)
-    feed: Floats  # (k - 1,)
-    state: list[int]  # (k - 1,) rows of the source's states
 
 
 def pairs_of_states(

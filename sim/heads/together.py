@@ -8,7 +8,7 @@ together must order what the plan orders (`sim.heads.order`), so a single file p
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -55,7 +55,6 @@ def verify_heads(
     words: SyncWords = USUAL_WORDS,
     idles: Sequence[Idle] | None = None,
     read: bool = False,
-    told: Callable[[str], None] = lambda step: None,
 ) -> Verdict:
     """Check the files of all heads of a plan, in the plan's order of heads.
 
@@ -75,24 +74,17 @@ def verify_heads(
         What each head does where it stands idle; None: as the source.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
-    told : function
-        Called with what is done next, in a few words.
     """
-    files = []
     try:
-        for path in paths:
-            told(f"reading {Path(path).name} back")
-            files.append(read_head_file(path, words))
+        files = [read_head_file(path, words) for path in paths]
     except InputError as error:
         return unreadable(error)
     if faults := check_names(files, plan):
         return Verdict(tuple(faults))
     walked = []
     for h, (file, park) in enumerate(zip(files, parks, strict=True)):
-        told(f"walking the file of head {plan.heads[h].head} along the plan")
         idle = Idle() if idles is None else idles[h]
         walked.append(walk_file(file, h, plan, job, document, park, idle, read=read))
-    told(ORDERED)
     return judge_together(
         walked, plan, job, document, release=release, interval_s=interval_s, words=words, read=read
     )
@@ -109,9 +101,6 @@ def verify_heads_on(
         interval_s=machine.signal_interval_s, words=machine.words,
         idles=[head.idle for head in heads], read=read,
     )  # fmt: skip
-
-
-ORDERED = "what the files' sync points order"
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,9 @@ from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Flags, Floats, Ints
-from sim.content.seams import Moved, Run, run_of
+from sim.content.seams import Laid, laid_by
 from sim.heads.file import HeadFile
-from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Bead, Laid, pairs_of_states
+from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Bead, pairs_of_states
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
@@ -236,14 +236,14 @@ class Walker:
             and (np.abs(motion.extrusion[rows] - laid.extrusion) <= E_MM).all()
             and (np.abs(motion.feed[rows] - laid.feed) <= FEED_MM_S).all()
             and not any(
-                self._other_state(*pair) for pair in set(zip(mine, laid.state, strict=True))
+                self._other_state(*pair) for pair in set(zip(mine, self._states(laid), strict=True))
             )
         )
 
     def _print_each(self, k: int, laid: Laid) -> str:
         """Go along a contour move by move up to the first that is not as it should be."""
         contour, motion = int(self.actions.contour[k]), self.file.motion
-        reached = self.walk.reached[k]
+        reached, states = self.walk.reached[k], self._states(laid)
         for s in range(len(laid.extrusion)):
             if self.at >= self.end:
                 return f"the file ends within contour {contour}"
@@ -259,7 +259,7 @@ class Walker:
             ):
                 if abs(has - due) > tolerance:
                     return f"line {line} has {has:.5f} {unit}, contour {contour} {due:.5f}"
-            if said := self._other_state(self._moves.state[self.at], laid.state[s]):
+            if said := self._other_state(self._moves.state[self.at], states[s]):
                 return f"line {line}: {said}"
             self._step(k)
             reached.append(line)
@@ -289,18 +289,13 @@ class Walker:
 
     def _laid(self, k: int) -> Laid | str:
         """Return what the plan's action lays down, from the source's own contour."""
-        contours, c = self.job.contours, int(self.actions.contour[k])
-        a, b = int(contours.offsets[c]), int(contours.offsets[c + 1])
-        step = -1 if self.actions.reversed[k] else 1
-        rows = np.arange(a, b)
-        run = Run(contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows)
-        if entry := int(self.actions.entry[k]):
-            entered = run_of(contours, Moved(c, entry, self.actions.action_path(k)[::step]))
-            if isinstance(entered, str):
-                return f"contour {c} {entered}"
-            run = entered
-        state = self.document.point_state[run.rows[1:]][::step].tolist()
-        return Laid(run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], state)
+        found = laid_by(self.job.contours, self.actions, k)
+        return f"contour {self._contour[k]} {found}" if isinstance(found, str) else found
+
+    def _states(self, laid: Laid) -> list[int]:
+        """Return the row of the source's states for each segment."""
+        rows: list[int] = self.document.point_state[laid.rows].tolist()
+        return rows
 
     def _begins(self, contour: int) -> str:
         """Return what is wrong with the filament retracted where a bead begins."""

@@ -20,7 +20,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats, Ints
 from sim.content.legs import Legs
-from sim.content.seams import Moved, run_of
+from sim.content.seams import laid_by
 from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.collision import Solid, Vertices, swept_vertices
 from sim.replay.compiled import compiled
@@ -91,15 +91,9 @@ def print_feeds(contours: Contours, actions: HeadActions) -> Floats:
 
 
 def print_feed(contours: Contours, actions: HeadActions, action: int) -> Floats:
-    """Return the feed of each segment in the traversal of a print action."""
-    contour, entry = int(actions.contour[action]), int(actions.entry[action])
-    step = -1 if actions.reversed[action] else 1
-    rows = slice(int(contours.offsets[contour]), int(contours.offsets[contour + 1]))
-    feed = contours.feed[rows]
-    if entry:
-        run = run_of(contours, Moved(contour, entry, actions.action_path(action)[::step]))
-        feed = feed[:0] if isinstance(run, str) else run.feed
-    return feed[1:][::step]
+    """Return the feed of each segment in the traversal of a print action; none if it is wrong."""
+    laid = laid_by(contours, actions, action)
+    return np.empty(0) if isinstance(laid, str) else laid.feed
 
 
 def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:

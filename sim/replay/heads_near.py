@@ -19,8 +19,10 @@ import numpy as np
 import shapely
 
 from decmcts.print.machine import Head
-from decmcts.print.plan import HeadActions
+from decmcts.print.plan import HeadActions, PlanDocument
 from sim.arrays import Floats, Ints
+from sim.content.legs import Legs
+from sim.faults import Gap
 from sim.replay.bodies import Stations, action_stations, parked, rest_stations
 from sim.replay.boxes import build_tree
 from sim.replay.collision import Solid, swept_vertices
@@ -183,6 +185,25 @@ def _exactly(stations: Stations, others: Stations, row: list[int], shapes: Shape
         for part, path in zip(shapes.parts[k], (mine, theirs), strict=True)
     )
     return one.distance(other)
+
+
+def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Gap | None:
+    """Return how near any two heads may come, over all that they may do at the same time."""
+    machine = document.machine
+    near = least_gap(machine.heads, legs.all_actions, order)
+    if near.heads[0] < 0:
+        return None
+    r, s = near.heads
+    return Gap(
+        near.gap_mm,
+        machine.head_clearance_mm,
+        (machine.heads[r].name, machine.heads[s].name),
+        (
+            legs.station(r, near.action, near.rest),
+            legs.station(s, near.other_action, near.other_rest),
+        ),
+        near.at_least,
+    )
 
 
 @compiled

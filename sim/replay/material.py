@@ -8,18 +8,16 @@ the carriage's bodies are boxes, which only must not touch them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
 
 from decmcts.print.machine import Head
 from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind
+from sim.replay.gaps import meets, room
 from sim.replay.near_misses import CAPACITY, Capacity, NearPrint, UndecidedError, near_misses
-from sim.replay.overlap import meets
 from sim.replay.shapes import Beads, Part, parts_of
 
 
@@ -100,7 +98,6 @@ def _deepest(
 ) -> tuple[Ints, Floats]:  # fmt: skip
     """Return the pairs of owners that meet, and how deep, of candidates; `only` some of them."""
     moves, beads = search.moves, search.beads
-    polygons = [shapely.Polygon(part.polygon) for part in search.parts]
     near = order[found[:, 1]]
     over = over_tip(moves, beads, found[:, 0], near)
     pair = np.stack([owner[found[:, 0]], beads.label[near]], axis=1)
@@ -110,10 +107,7 @@ def _deepest(
     for k in ranked[wanted[ranked]].tolist():
         key = (int(pair[k, 0]), int(pair[k, 1]))
         move, _, part = found[k].tolist()
-        if (
-            key not in deepest
-            and _judge(search, move, int(near[k]), part, polygons[part]) is not None
-        ):
+        if key not in deepest and _judge(search, move, int(near[k]), part) is not None:
             deepest[key] = float(over[k])
     pairs = np.array(list(deepest), np.int64).reshape(-1, 2)
     return pairs, np.array(list(deepest.values()), np.float64)
@@ -187,37 +181,25 @@ class Search:
 
 def _judge_all(search: Search, order: Ints, found: Ints, limit: int) -> list[Contact]:
     """Return which candidates are contacts, one a move, at most `limit`."""
-    polygons = [shapely.Polygon(part.polygon) for part in search.parts]
-    for polygon in polygons:
-        shapely.prepare(polygon)
     contacts: dict[int, Contact] = {}
     for move, at, part in found.tolist():
         if len(contacts) >= limit:
             break
         if move not in contacts:
-            depth = _judge(search, move, int(order[at]), part, polygons[part])
+            depth = _judge(search, move, int(order[at]), part)
             if depth is not None:
                 contacts[move] = Contact(move, int(order[at]), search.parts[part].name, depth)
     return list(contacts.values())
 
 
-def _judge(
-    search: Search, move: int, bead: int, number: int, polygon: shapely.Polygon
-) -> float | None:
+def _judge(search: Search, move: int, bead: int, number: int) -> float | None:
     """Return how far a bead is above the underside of a part that meets it; None if it does not."""
-    part, beads = search.parts[number], search.beads
-    start, end = beads.start[bead].tolist(), beads.end[bead].tolist()
-    row = search.moves[move].tolist()
-    reach = float(beads.width[bead]) / 2 + (search.clearance_mm if part.slice else 0.0)
-    if not meets(
-        (row[:3], row[3:]),
-        (start, end),
-        float(beads.height[bead]),
-        polygon,
-        (part.low, math.inf if part.slice else part.high),
-        reach=reach,
-        tolerance_mm=search.tolerance_mm,
-    ):
+    part, beads, tolerance = search.parts[number], search.beads, search.tolerance_mm
+    start, end, row = beads.start[bead], beads.end[bead], search.moves[move]
+    reach = beads.width[bead] / 2 + (search.clearance_mm if part.slice else 0.0) - tolerance
+    top = np.inf if part.slice else part.high
+    span = (part.low + tolerance, top + beads.height[bead] - tolerance)
+    if not meets(row, start, end, span, part.polygon, reach, room()):
         return None
     return float(max(start[2], end[2]) - (min(row[2], row[5]) + part.low))
 

@@ -14,6 +14,7 @@ from decmcts.print.machine import Machine
 from sim.arrays import Floats, Ints
 from sim.faults import Gap
 from sim.replay import raster
+from sim.replay.gaps import room
 from sim.replay.shapes import Beads, Part
 
 MARGIN_MM = 0.01  # rectangles round beads are this much larger than they, and their clearance
@@ -79,7 +80,7 @@ class NearPrint:
 
 
 Asked = tuple[Floats, Ints, Any, Any, Any, Any, Any]
-"""What `sim.replay.bead_gaps.come_nearer` takes."""
+"""What `sim.replay.gaps.come_nearer` takes."""
 
 
 def asked_of(
@@ -107,7 +108,7 @@ def asked_of(
             *packed[1:],
         ),
         (near.touching, near.whose, near.n),
-        (np.empty((4, 3)), np.empty((6, 3)), np.empty((8, 3))),
+        room(),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
 from sim.arrays import Flags, Floats, Ints
-from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
+from sim.replay.collision import HEAD_TOP_MM, Vertices, prism_vertices
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def parts_of(head: Head) -> list[Part]:
     parts = [
         Part(
             f"slice at {s.height_mm:g} mm",
-            np.asarray(polygon, np.float64),
+            np.array(polygon, np.float64),
             s.height_mm,
             HEAD_TOP_MM,
             slice=True,
@@ -80,6 +80,7 @@ def parts_of(head: Head) -> list[Part]:
         for polygon in s.polygons
     ]
     for body in head.bodies:
-        corners = box_vertices(np.array(body.minimum), np.array(body.maximum))[[0, 4, 6, 2], :2]
+        (x, y, _), (to_x, to_y, _) = body.minimum, body.maximum
+        corners = np.array([[x, y], [to_x, y], [to_x, to_y], [x, to_y]], np.float64)
         parts.append(Part(body.name, corners, body.minimum[2], body.maximum[2]))
     return parts

@@ -12,22 +12,16 @@ from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.rules.order import PartialOrder
+from sim.rules.order import PartialOrder, early
 
 
 def check_epochs(
     contours: Contours, all_actions: tuple[HeadActions, ...], order: PartialOrder
 ) -> list[Fault]:
     """Check a plan: every print follows all prints of earlier epochs, for every timing."""
-    broken: list[Ints] = []
-    for r, actions in enumerate(all_actions):
-        prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
-        epoch = contours.epoch[actions.contour[prints]]
-        for s, other in enumerate(all_actions):
-            due = _last_before(contours, other)[epoch]
-            ended = order.preceding(r, s)[prints]
-            broken.append(actions.contour[prints[ended <= due]].astype(np.int64))
-    rows = np.unique(np.concatenate([np.empty(0, np.int64), *broken]))
+    rows = early(
+        all_actions, order, lambda other, c: _last_before(contours, other)[contours.epoch[c]]
+    )
     lines = [
         f"contour {c} of epoch {contours.epoch[c]} may begin before an earlier epoch has ended"
         for c in rows[:LIMIT].tolist()

@@ -15,11 +15,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from decmcts.print.plan import ACTION_END, HeadActions
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions
 from sim.arrays import Ints
 
 
@@ -41,6 +42,23 @@ class PartialOrder:
         """
         own = np.arange(1, len(self.clocks[head]) + 1)
         return np.searchsorted(self.clocks[other][:, head], own, side="left").astype(np.int64)
+
+
+def early(
+    all_actions: tuple[HeadActions, ...], order: PartialOrder,
+    due: Callable[[HeadActions, Ints], Ints],
+) -> Ints:  # fmt: skip
+    """Return the contours that may begin before what they must follow has ended, ascending.
+
+    `due` has of a head's actions the last that each of some contours must follow; -1: none.
+    """
+    found = [np.empty(0, np.int64)]
+    for r, actions in enumerate(all_actions):
+        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        contour = actions.contour[prints].astype(np.int64)
+        for s, other in enumerate(all_actions):
+            found.append(contour[order.preceding(r, s)[prints] <= due(other, contour)])
+    return np.unique(np.concatenate(found))
 
 
 def order_of(heads: tuple[HeadActions, ...]) -> PartialOrder | list[tuple[int, int]]:

@@ -21,7 +21,7 @@ from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules
 from sim.arrays import Flags, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.rules.order import PartialOrder
+from sim.rules.order import PartialOrder, early
 
 TOUCH_MM = 0.05  # beads nearer than this touch,
 ROUNDING_MM = 1e-6  # unless by no more than this
@@ -159,17 +159,14 @@ def check_lead(
     step = np.diff(contours.layer)
     run = np.concatenate([[0], np.cumsum(step != 0)])
     climb = np.concatenate([[0], np.cumsum(step < 0)])
-    early: list[Ints] = []
-    for r, actions in enumerate(all_actions):
-        prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
-        contour = actions.contour[prints].astype(np.int64)
+
+    def due(other: HeadActions, contour: Ints) -> Ints:
         below = run[contour] - ahead - 1
-        for s, other in enumerate(all_actions):
-            last = _last_of_runs(run, climb, other)
-            same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
-            due = np.where((below >= 0) & same, last[np.maximum(below, 0)], -1)
-            early.append(contour[order.preceding(r, s)[prints] <= due])
-    rows = np.unique(np.concatenate(early))
+        last = _last_of_runs(run, climb, other)[np.maximum(below, 0)]
+        same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
+        return np.where((below >= 0) & same, last, -1)
+
+    rows = early(all_actions, order, due)
     lines = [
         f"contour {c} of layer {contours.layer[c]} may begin before all that is more than "
         f"{ahead} layers below it has ended"

@@ -43,7 +43,7 @@ from sim.content.inventory import move_segments
 from sim.content.welds import welds_of
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
-from sim.pictures.layer_pieces import draw_pieces
+from sim.pictures.layer_view import draw_pieces
 from sim.verify import verify_plan
 from tests.conftest import opened
 from tests.planning.conftest import Agents
