@@ -8,7 +8,7 @@ the carriage's bodies are boxes, which only must not touch them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,17 +79,37 @@ def deepest_contacts(
     """
     order = np.argsort(beads.since, kind="stable")
     search = Search(moves, beads, parts_of(head), *margins)
-    found, total = near_misses(moves, beads, order, search.parts, margins, capacity)
-    while total > capacity.first:
+    for found, whole in _near(search, order, "near misses in the source's own order", capacity):
+        if whole:
+            return _deepest(search, owner, order, found)
         if ends_at is not None:
             deepest = _deepest(search, owner, order, found, ends_at)
             if len(deepest[0]):
                 return deepest
+    raise AssertionError("the last of all tries is whole")
+
+
+def _near(
+    search: Search, order: Ints, what: str, capacity: Capacity, near: NearPrint | None = None
+) -> Iterator[tuple[Ints, bool]]:
+    """Yield near misses, more at each try, and whether they are all of them.
+
+    Raises
+    ------
+    UndecidedError
+        When there are too many, named `what`.
+    """
+    margins = (search.clearance_mm, search.tolerance_mm)
+    while True:
+        found, total = near_misses(
+            search.moves, search.beads, order, search.parts, margins, capacity, near
+        )
+        yield found, total <= capacity.first
+        if total <= capacity.first:
+            return
         if capacity.first >= capacity.most:
-            raise UndecidedError(f"over {capacity.most} near misses in the source's own order")
+            raise UndecidedError(f"over {capacity.most} {what}")
         capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
-        found, total = near_misses(moves, beads, order, search.parts, margins, capacity)
-    return _deepest(search, owner, order, found)
 
 
 def _deepest(
@@ -150,22 +170,15 @@ def find_contacts(
     if not len(beads.start) or not len(moves):
         return []
     order = np.argsort(beads.since, kind="stable")
-    parts = parts_of(head)
-    margins = (clearance_mm, tolerance_mm)
-    while True:
-        found, total = near_misses(moves, beads, order, parts, margins, capacity, near)
-        search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
+    search = Search(moves, beads, parts_of(head), clearance_mm, tolerance_mm)
+    what = "near misses of head and material, too many to judge"
+    for found, _ in _near(search, order, what, capacity, near):
         if allowed is not None:
             met = order[found[:, 1]]
             found = found[~allowed(found[:, 0], met, over_tip(moves, beads, found[:, 0], met))]
-        contacts = _judge_all(search, order, found, limit)
-        if contacts or total <= capacity.first:
+        if contacts := _judge_all(search, order, found, limit):
             return contacts
-        if capacity.first >= capacity.most:
-            raise UndecidedError(
-                f"over {capacity.most} near misses of head and material, too many to judge"
-            )
-        capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
+    return []
 
 
 @dataclass(frozen=True, slots=True)

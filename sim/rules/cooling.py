@@ -89,7 +89,12 @@ def check_cooling(
         work[actions.contour[prints]] = taken[prints]
     busy = [h for h, actions in enumerate(all_actions) if (actions.kind == ActionKind.PRINT).any()]
     if len(busy) == 1:
-        recent = _recent_alone(all_actions[busy[0]], seconds[busy[0]], rule)
+        actions, ends = all_actions[busy[0]], np.cumsum(seconds[busy[0]])
+        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        begin, end = np.full((2, len(document.contours)), np.inf)
+        end[actions.contour[prints]] = ends[prints]
+        begin[actions.contour[prints]] = ends[prints] - seconds[busy[0]][prints]
+        recent = _recent_by(begin, end, rule)
     else:
         recent = _recent_of_all(legs, order, _of_legs(legs, arrivals, seconds), rule)
     stack = _Stack.of(document.contours, rule, work)
@@ -109,12 +114,8 @@ def too_soon_in(document: PlanDocument, begin: Floats, end: Floats) -> Iterator[
         prints = actions.kind == ActionKind.PRINT
         work[actions.contour[prints]] = (actions.end_s - actions.begin_s)[prints]
     stack = _Stack.of(document.contours, rule, work)
-    order = np.argsort(end)
-    first = np.searchsorted(end[order], begin - rule, side="right")
-    last = np.searchsorted(end[order], begin, side="right")
-    for b in np.flatnonzero(np.isfinite(begin)).tolist():
-        recent = order[first[b] : last[b]]
-        yield from _too_soon(stack, b, recent, begin[b] - end[recent])
+    for b, recent, gaps in _recent_by(begin, end, rule):
+        yield from _too_soon(stack, b, recent, gaps)
 
 
 def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
@@ -132,15 +133,14 @@ def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> 
     return [Fault(FaultKind.COOLING, text)]
 
 
-def _recent_alone(actions: HeadActions, seconds: Floats, rule: float) -> Iterator[Recent]:
-    """Yield each contour of a lone head with those that ended within the rule before it."""
-    end = np.cumsum(seconds)
-    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    printed, ended, begun = actions.contour[rows], end[rows], end[rows] - seconds[rows]
-    first = np.searchsorted(ended, begun - rule, side="right")
-    for i, b in enumerate(printed.tolist()):
-        window = slice(int(first[i]), i)
-        yield b, printed[window], begun[i] - ended[window]
+def _recent_by(begin: Floats, end: Floats, rule: float) -> Iterator[Recent]:
+    """Yield each contour with those that ended within the rule before it, by these seconds."""
+    order = np.argsort(end)
+    first = np.searchsorted(end[order], begin - rule, side="right")
+    last = np.searchsorted(end[order], begin, side="right")
+    for b in np.flatnonzero(np.isfinite(begin)).tolist():
+        recent = order[first[b] : last[b]]
+        yield b, recent, begin[b] - end[recent]
 
 
 def _recent_of_all(
