@@ -94,18 +94,12 @@ def match_segments(ours: Segments, source: Segments) -> Ints:
     mine, theirs = _keys(ours), _keys(source)
     several, due = _match_single(ours, source, mine, theirs, match)
     like, alike = _alike(ours.at(several), source.at(due), mine[several], theirs[due])
-    within = np.full(len(several), NO_MATCH, np.int64)
-    _match_in_turn(within, like, alike)
-    found = within != NO_MATCH
-    match[several[found]] = due[within[found]]
+    _match_in_turn(match, several, due, like, alike)
     left, free = np.flatnonzero(match == NO_MATCH), _unmatched(source, match)
     if len(left) and len(free):  # same ends, other filament or feed: matched by rank of amount
         left = left[np.lexsort((ours.feed[left], ours.extrusion[left]))]
         free = free[np.lexsort((source.feed[free], source.extrusion[free]))]
-        rest = np.full(len(left), NO_MATCH, np.int64)
-        _match_in_turn(rest, mine[left], theirs[free])
-        found = rest != NO_MATCH
-        match[left[found]] = free[rest[found]]
+        _match_in_turn(match, left, free, mine[left], theirs[free])
     _match_near(ours, source, match)
     return match
 
@@ -173,14 +167,16 @@ def _alike(
     return like[:n], like[n:]
 
 
-def _match_in_turn(match: Ints, mine: NDArray[Any], theirs: NDArray[Any]) -> None:
-    """Match equal numbers, first with first; mutates match."""
+def _match_in_turn(
+    match: Ints, ours: Ints, source: Ints, mine: NDArray[Any], theirs: NDArray[Any]
+) -> None:
+    """Match rows of ours and of the source with equal numbers, first with first; mutates match."""
     by_mine, by_theirs = (np.argsort(keys, kind="stable") for keys in (mine, theirs))
     mine, theirs = mine[by_mine], theirs[by_theirs]
     rank = np.arange(len(mine)) - np.searchsorted(mine, mine, side="left")
     at = np.searchsorted(theirs, mine, side="left") + rank
     hit = at < np.searchsorted(theirs, mine, side="right")
-    match[by_mine[hit]] = by_theirs[at[hit]]
+    match[ours[by_mine[hit]]] = source[by_theirs[at[hit]]]
 
 
 def _keys(segments: Segments) -> NDArray[np.uint64]:

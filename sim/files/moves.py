@@ -23,7 +23,7 @@ from sim.faults import Fault, Gap, Nearest, Verdict
 from sim.files.extent import check_file_extent, check_file_feeds
 from sim.files.file_contacts import check_file_material
 from sim.files.printed_file import laying_moves, segments_of
-from sim.rules.epochs import check_file_epochs
+from sim.rules.precedence import check_file_epochs
 from sim.rules.priming import check_file_priming
 
 

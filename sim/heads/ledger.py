@@ -111,20 +111,20 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
     for k, c in enumerate(book.contour.tolist()):
         stands = int(book.lines[k])
         if stands < 0:
-            net[c] = book.net[k]
+            net[c] = book.before.net[k]
             continue
         last = spans[stands]
         assert last is not None
         at = int(np.searchsorted(line, last[1] + 1))
-        pushed = float(book.net[k] - owed[tools[book.bead[k]]][at])
+        pushed = float(book.before.net[k] - owed[tools[book.bead[k]]][at])
         if stands == 0:
             start = pushed
         else:
-            above[stands - 1], left[stands - 1] = book.net_above[k], pushed
+            above[stands - 1], left[stands - 1] = book.above.net[k], pushed
             net[c] = pushed if belongs_to_bead(document.blocks[stands - 1]) else 0.0
     beside = np.zeros(len(document.blocks))
     parted = book.lines > 0
-    deep = -np.minimum(np.minimum(book.low, book.low_above), book.deepest)
+    deep = -np.minimum(np.minimum(book.before.low, book.above.low), book.deepest)
     beside[book.lines[parted] - 1] = deep[parted]
     kept = book.kept & (np.arange(len(book.bead)) > 0)
     usual = {t: float(-book.deepest[kept & (book.tool == t)].min(initial=0.0)) for t in owed}

@@ -8,7 +8,7 @@ together must order what the plan orders (`sim.heads.order`), so a single file p
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -30,13 +30,12 @@ from sim.files.commands import accepted, is_move, known_settings
 from sim.files.written import moves_of, source_text
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
-from sim.heads.heat import Due, heat_due, heats_early, unheated
+from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idled, Idling, check_idle
-from sim.heads.intervals import Intervals
 from sim.heads.laid import SAME_MM
 from sim.heads.ledger import Printed, behind, belongs_to_bead, check_filament, dues_of
 from sim.heads.macros import check_words
-from sim.heads.order import Parts, check_order, check_sync, last_points
+from sim.heads.order import Intervals, Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, Walk, Walker, differing
 
@@ -125,13 +124,74 @@ def walk_file(
 ) -> Walked:  # fmt: skip
     """Check all that one head's file has by itself; the order between files is checked later."""
     actions, waited = plan.heads[head], last_points(plan, head)
-    due, arcs = heat_due(document, job), turns_of_print(job, document)
-    tool = _tool_of(actions, job)
+    due, tool = heat_due(document, job), _tool_of(actions, job)
     idling = Idling.of(idle, actions, head, job, tool, timed=not read)
-    part, walk, faults = _judge_one(
-        file, actions, job, document, park, waited, due, tool, idling
+    words: list[str] = []
+    own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
+    more = document.own_start(tool)
+    begins_with = document.preamble + (b"" if more is None else more.text)
+    start = own_of(begins_with, homes=True, relative_e=False, selected=_selected(job, 0))
+    waits = next((sync.line for sync in file.syncs), 0)
+    early, whole = heats_early(file.rest, waits, start), file
+    file = replace(file, rest=file.rest[early:], others=file.others[early:])
+    over = -np.inf if job.printed is None else float(job.printed.top.max())
+    low, parked = _match_start(file, document, start, park, words, over)
+    own_end = partial(
+        own_of, homes=False, relative_e=document.end.relative_e,
+        selected=_selected(job, document.end.tool), all_off=True,
     )  # fmt: skip
-    return Walked(file, part, walk, faults + _check_arcs(file, part, actions, arcs), idling)
+    ending = own_end(document.postamble)
+    high = len(file.rest) - len(ending)
+    if high < low or [code for _, code in file.rest[high:]] != ending:
+        words.append("the end code is not the source's, command by command")
+        high = max(low, min(high, len(file.rest)))
+    beyond = len(file.lines) + 1
+    end_code = file.rest[high][0] if high < len(file.rest) else beyond
+    begin = int(file.motion.before[min(parked, len(file.lines))])
+    end = int(file.motion.before[min(end_code, beyond) - 1])
+    part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
+    others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
+    begins = begin_of_verbatim(
+        file.lines.raw, min(end_code, _below_end(file)) - 1, document.postamble, own_end
+    )
+    words += _check_end(file, document, begins, others=others)
+    printed = set(actions.contour[actions.kind == ActionKind.PRINT].tolist())
+    theirs = [
+        own_of(
+            b.text,
+            homes=False,
+            relative_e=b.begin.relative_e,
+            selected=_selected(job, b.begin.tool),
+            fed=not belongs_to_bead(b) or behind(b, job) in printed,
+        )
+        for b in document.blocks
+    ]
+    blocks = _take_blocks(file, document, theirs, low, high, words)
+    part = replace(part, blocks=tuple(map(tuple, blocks)))
+    taken = {line for found in blocks for line in found}
+    if others and taken:
+        words += _check_left(file, max(taken), end_code)
+    walk = Walker(
+        file, actions, job, document, part.begin, part.end, taken, waited, idling.practice
+    ).run()
+    words += walk.faults
+    words += _check_blocks(file, actions, job, document, blocks, walk)
+    idled = Idled()
+    if walk.complete:
+        idled = check_idle(file, walk, parked, end_code, taken, idling)
+        words += idled.words
+    if walk.complete and tool is not None:
+        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        own = {line for line, _ in file.rest[:low]} | taken
+        words += unheated(file.rest, file.others, walk.first[int(prints[0])], due, own)
+    begins_body = file.rest[low][0] if low < len(file.rest) else beyond
+    last = end_code if high < len(file.rest) else beyond
+    words += _foreign(file, document, range(begins_body, last), taken | idled.lines)
+    words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
+    where = f"head {actions.head}, "
+    faults = listed(FaultKind.COMMAND, [where + text for text in words])
+    arcs = _check_arcs(file, part, actions, turns_of_print(job, document))
+    return Walked(whole, part, walk, faults + arcs, idling)
 
 
 def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:
@@ -217,84 +277,16 @@ def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
     return listed(FaultKind.COMMAND, lines)
 
 
-def _judge_one(
-    file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
-    waited: Mapping[int, int], due: Due, tool: int | None, idling: Idling,
-) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
-    """Check one file against its head's actions; the order between files is checked later.
-
-    `waited` has for each action the last of its points that another head waits for.
-    """
-    words: list[str] = []
-    own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
-    more = document.own_start(tool)
-    begins_with = document.preamble + (b"" if more is None else more.text)
-    start = own_of(begins_with, homes=True, relative_e=False, selected=_selected(job, 0))
-    waits = next((sync.line for sync in file.syncs), 0)
-    early = heats_early(file.rest, waits, start)
-    file = replace(file, rest=file.rest[early:], others=file.others[early:])
-    over = -np.inf if job.printed is None else float(job.printed.top.max())
-    low, parked = _match_start(file, document, start, park, words, over)
-    own_end = partial(
-        own_of, homes=False, relative_e=document.end.relative_e,
-        selected=_selected(job, document.end.tool), all_off=True,
-    )  # fmt: skip
-    ending = own_end(document.postamble)
-    high = len(file.rest) - len(ending)
-    if high < low or [code for _, code in file.rest[high:]] != ending:
-        words.append("the end code is not the source's, command by command")
-        high = max(low, min(high, len(file.rest)))
-    beyond = len(file.lines) + 1
-    end_code = file.rest[high][0] if high < len(file.rest) else beyond
-    begin = int(file.motion.before[min(parked, len(file.lines))])
-    end = int(file.motion.before[min(end_code, beyond) - 1])
-    part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
-    others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
-    begins = begin_of_verbatim(
-        file.lines.raw, min(end_code, _below_end(file)) - 1, document.postamble, own_end
-    )
-    words += _check_end(file, document, begins, others=others)
-    printed = set(actions.contour[actions.kind == ActionKind.PRINT].tolist())
-    theirs = [
-        own_of(
-            b.text,
-            homes=False,
-            relative_e=b.begin.relative_e,
-            selected=_selected(job, b.begin.tool),
-            fed=not belongs_to_bead(b) or behind(b, job) in printed,
-        )
-        for b in document.blocks
-    ]
-    blocks = _take_blocks(file, document, theirs, low, high, words)
-    part = replace(part, blocks=tuple(map(tuple, blocks)))
-    taken = {line for found in blocks for line in found}
-    if others and taken:
-        words += _check_left(file, max(taken), end_code)
-    walk = Walker(
-        file, actions, job, document, part.begin, part.end, taken, waited, idling.practice
-    ).run()
-    words += walk.faults
-    words += _check_blocks(file, actions, job, document, blocks, walk)
-    idled = Idled()
-    if walk.complete:
-        idled = check_idle(file, walk, parked, end_code, taken, idling)
-        words += idled.words
-    if walk.complete and tool is not None:
-        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-        own = {line for line, _ in file.rest[:low]} | taken
-        words += unheated(file.rest, file.others, walk.first[int(prints[0])], due, own)
-    known = known_settings(document)
-    last = end_code if high < len(file.rest) else beyond
+def _foreign(
+    file: HeadFile, document: GcodeDocument, lines: range, known: set[int]
+) -> Iterator[str]:
+    """Yield what may not stand between contours, in these lines but for those that are known."""
+    settings = known_settings(document)
     for line, code in file.others:
-        if not (low < len(file.rest) and file.rest[low][0] <= line < last):
+        if line not in lines or line in known:
             continue
-        if line in taken or line in idled.lines:
-            continue
-        if not (is_move(code) or accepted(file.row(line), known)):
-            words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
-    words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
-    where = f"head {actions.head}, "
-    return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])
+        if not (is_move(code) or accepted(file.row(line), settings)):
+            yield f"line {line}: '{_text(code)}' is not in the source at this place"
 
 
 def _selected(job: PrintJob, tool: int) -> int | None:

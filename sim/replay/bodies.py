@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, permutations
+from itertools import combinations, permutations, product
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from sim.replay.shapes import parts_of
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-6
+NamedParts = list[tuple[str, Vertices]]  # name and corners of each part of a head
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,22 +110,18 @@ def parked(head: Head) -> Stations:
 
 def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
     """J3: heads that may move or rest at the same time keep their distance."""
-    lines: list[str] = []
+    machine, lines = document.machine, list[str]()
+    parts = [[(part.name, part.vertices()) for part in parts_of(head)] for head in machine.heads]
     for r, s in permutations(range(len(legs.all_actions)), 2):
-        for stations, others in concurrent(document.machine.heads, legs.all_actions, order, r, s):
+        for stations, others in concurrent(machine.heads, legs.all_actions, order, r, s):
             clashes = find_clashes(
-                stations,
-                document.machine.heads[r],
-                others,
-                document.machine.heads[s],
-                clearance_mm=document.machine.head_clearance_mm,
-                limit=2 * LIMIT,
+                stations, others, parts[r], parts[s], machine.head_clearance_mm, 2 * LIMIT
             )
             lines += [
-                f"{legs.station(r, c.action, c.rest)} and "
-                f"{legs.station(s, c.other_action, others.rest)} may happen together "
-                f"and come within {c.gap_mm:.3f} mm ({c.part}, {c.other_part})"
-                for c in clashes
+                f"{legs.station(r, int(stations.action[i]), stations.rest)} and "
+                f"{legs.station(s, int(others.action[j]), others.rest)} may happen together "
+                f"and come within {gap:.3f} mm ({part}, {other})"
+                for (i, j), (gap, part, other) in clashes.items()
             ]
     return listed(FaultKind.HEAD_HEAD, lines)
 
@@ -171,47 +168,25 @@ def count_pairs(legs: Legs, order: PartialOrder) -> int:
     return sum(int((order.following(r, s) - order.preceding(r, s)).sum()) for r, s in pairs)
 
 
-@dataclass(frozen=True, slots=True)
-class Clash:
-    """Two heads that may come too near: indices of actions, and how near."""
-
-    action: int
-    rest: bool
-    other_action: int
-    part: str
-    other_part: str
-    gap_mm: float
-
-
 def find_clashes(
-    stations: Stations,
-    head: Head,
-    others: Stations,
-    other_head: Head,
-    *,
-    clearance_mm: float,
-    limit: int,
-) -> list[Clash]:
-    """Return pairs of a station and a concurrent action of the other head that come too near."""
-    reach = clearance_mm - TOLERANCE_MM
-    parts = [(p, p.vertices()) for p in parts_of(head)]
-    other_parts = [(p, p.vertices()) for p in parts_of(other_head)]
+    stations: Stations, others: Stations, parts: NamedParts, other_parts: NamedParts,
+    clearance_mm: float, limit: int,
+) -> dict[tuple[int, int], tuple[float, str, str]]:  # fmt: skip
+    """Return how near, and with what, stations come too near to concurrent ones of another head."""
+    reach, clashes = clearance_mm - TOLERANCE_MM, dict[tuple[int, int], tuple[float, str, str]]()
     if not parts or not other_parts:
-        return []
-    clashes: dict[tuple[int, int], Clash] = {}
+        return clashes
     mine = _grown(stations.boxes, np.concatenate([v for _, v in parts]), reach)
     theirs = _grown(others.boxes, np.concatenate([v for _, v in other_parts]), 0.0)
     for pairs in near_in_windows(mine, stations.low, stations.high, theirs):
-        for part, a in parts:
-            for other, b in other_parts:
-                for i, j in _near_pairs(pairs, stations, others, a, b, reach):
-                    if len(clashes) >= limit:
-                        return list(clashes.values())
-                    gap = path_gap(stations.path(i), a, others.path(j), b, reach)
-                    if gap < reach and (i, j) not in clashes:
-                        at = (int(stations.action[i]), stations.rest, int(others.action[j]))
-                        clashes[i, j] = Clash(*at, part.name, other.name, gap)
-    return list(clashes.values())
+        for (name, a), (other, b) in product(parts, other_parts):
+            for i, j in _near_pairs(pairs, stations, others, a, b, reach):
+                if len(clashes) >= limit:
+                    return clashes
+                gap = path_gap(stations.path(i), a, others.path(j), b, reach)
+                if gap < reach:
+                    clashes.setdefault((i, j), (gap, name, other))
+    return clashes
 
 
 def _grown(boxes: Floats, shape: Vertices, margin: float) -> Floats:

@@ -8,7 +8,7 @@ what nominal times are checked against. Where a head stops for another one, its 
 `rest_s` until it moves again: behind each wait, and behind each end that it signals at rest.
 
 Signals nearer than `signal_interval_s` are lost, so who waits for them would wait longer than the
-plan says. Files are judged by their own lines (`sim.heads.intervals`); here the plan's times are.
+plan says. Files are judged by their own lines (`sim.heads.order`); here the plan's times are.
 Along a travel, whose feed the plan does not state, a point is passed as if at a uniform speed.
 """
 

@@ -2,7 +2,7 @@
 
 What the source begins an epoch with is found contour by contour, in the order of the file. The
 tolerances for "touching" are looser than the planner's, so that no plan is refused wrongly. Each
-bead of a wipe tower is an epoch of its own, so `sim.rules.epochs` keeps towers in place.
+bead of a wipe tower is an epoch of its own, so `sim.rules.precedence` keeps towers in place.
 """
 
 from __future__ import annotations
