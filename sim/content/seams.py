@@ -99,8 +99,9 @@ def laid_by(contours: Contours, actions: HeadActions, action: int) -> Laid | str
     else:
         rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
         run = Run(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
-    each = (values[1:][::step] for values in (run.extrusion, run.feed, run.rows))
-    return Laid(run.points[::step], *each)
+    return Laid(
+        run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], run.rows[1:][::step]
+    )
 
 
 def _forbidden(contours: Contours, contour: int, entry: int) -> str:

@@ -119,7 +119,7 @@ def cut_handle() -> Any:
 def _printed_in(actions: HeadActions, contours: Contours, layer: int) -> Ints:
     """Return the actions that print in a layer."""
     printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    return printed[contours.layer[actions.contour[printed]] == layer]
+    return np.asarray(printed[contours.layer[actions.contour[printed]] == layer])
 
 
 def _lines_of(

@@ -21,12 +21,6 @@ HEAD_TOP_MM = 500.0  # a head's slices fill space from their height up to here
 Vertices = Floats  # (k, 3)
 
 
-def box_vertices(low: Floats, high: Floats) -> Vertices:
-    """Return the eight corners of an axis-aligned box."""
-    x, y, z = ([low[i], high[i]] for i in range(3))
-    return np.array([[a, b, c] for a in x for b in y for c in z], np.float64)
-
-
 def prism_vertices(polygon: Floats, low: float, high: float) -> Vertices:
     """Return the corners of a convex polygon extruded from `low` to `high`."""
     flat = np.asarray(polygon, np.float64)
