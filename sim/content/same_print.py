@@ -165,8 +165,8 @@ def _check_head(ours: Head, named: Head, *, alone: bool) -> list[Fault]:
     ]
 
 
-def _check_limits(ours: MotionLimits, named: MotionLimits, said: MotionLimits) -> list[Fault]:
-    under = named.under(said)
+def _check_limits(ours: MotionLimits, named: MotionLimits, stated: MotionLimits) -> list[Fault]:
+    under = named.under(stated)
     if _same(ours, named) or _same(ours, under):
         return []
     return [

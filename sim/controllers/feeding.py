@@ -67,7 +67,7 @@ class Work:
         return np.cumsum(self.profile.seconds[rows] * self.error.factor[rows])
 
     def events(self, action: int, head: int, begin_s: float) -> list[PrintEvent]:
-        """Return what is said of an action whose first move begins at a time."""
+        """Return what is reported of an action whose first move begins at a time."""
         ends = self.ends(action)
 
         def event(kind: EventKind, point: int) -> PrintEvent:
@@ -124,7 +124,7 @@ class Feeding:
     off: bool = False
     action: int = 0
     begin_s: float = math.nan  # of the action's first move; NaN: it has not begun
-    _due: list[PrintEvent] = field(default_factory=list)  # of the action, not said yet
+    _due: list[PrintEvent] = field(default_factory=list)  # of the action, not reported yet
 
     @property
     def begun(self) -> bool:

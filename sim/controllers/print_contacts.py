@@ -1,7 +1,7 @@
 """Contacts of heads with what is printed at that time.
 
 Moves are looked at in the order in which they end. Each is held against the print as it then
-stands (`print_heights`), part of the head by part, and then its own bead is laid
+stands, part of the head by part, and then its own bead is laid
 (`print_search`). A cell of the print has one point, its highest. So a contact is never made up,
 and one may be missed that is less deep than a cell at the edge of a part. Nobody lays a bead within
 a head that stands still: the other's nozzle would be there.
@@ -21,8 +21,7 @@ from sim.arrays import Floats, Ints
 from sim.controllers.beads import BEFORE, NO_LAYER, Beads, Material
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.nearness import shape_of
-from sim.controllers.print_heights import bare
-from sim.controllers.print_search import COLUMNS, Moves, Parts, go_through
+from sim.controllers.print_search import COLUMNS, Moves, Parts, bare, go_through
 from sim.controllers.program import HeadProgram
 from sim.replay.shapes import parts_of
 

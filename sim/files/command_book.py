@@ -52,9 +52,9 @@ def check_book(text: bytes, source: bytes, more: Mapping[bytes, int] | None = No
     for command, times in due.items():
         times += (more or {}).get(command, 0)
         if has[command] < times and not _IN_OTHER_BOOKS.match(command):
-            said = "" if times == 1 else f", {times} times; here {has[command]}"
+            often = "" if times == 1 else f", {times} times; here {has[command]}"
             missing.append(
-                f"{shown(command)} is missing (line {first[command]} of the source{said})"
+                f"{shown(command)} is missing (line {first[command]} of the source{often})"
             )
     return listed(FaultKind.COMMAND, missing[:LIMIT], total=len(missing))
 

@@ -40,7 +40,7 @@ _OF_TOOL = {  # the words that say of which tool
     b"M221": (b"T", b"D"), b"M900": (b"T",), b"M572": (b"D",),
     b"SET_PRESSURE_ADVANCE": (b"EXTRUDER",),
 }  # fmt: skip
-_UNSAID = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was said
+_UNSET = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was set
 
 Settings = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
@@ -51,7 +51,7 @@ def check_settings(
 ) -> list[Fault]:
     """Check that each bead is laid under the settings it is laid under in the source.
 
-    Where the source has not said anything yet, but for `_UNSAID`, anything may be in force.
+    Where the source has not set anything yet, but for `_UNSET`, anything may be in force.
 
     Parameters
     ----------
@@ -84,13 +84,13 @@ class _Book:
     """What one setting is in the file and in its source, line by line."""
 
     name: str
-    values: list[str]  # the first is in force where nothing was said
+    values: list[str]  # the first is in force where nothing was set
     has: list[tuple[int, str]]
     due: list[tuple[int, str]]
 
     @staticmethod
     def of(name: str, has: list[tuple[int, str]], due: list[tuple[int, str]]) -> _Book:
-        first = (0, _UNSAID.get(name, ""))
+        first = (0, _UNSET.get(name, ""))
         values = list(dict.fromkeys(value for _, value in [first, *has, *due]))
         return _Book(name, values, [first, *has], [first, *due])
 
@@ -124,16 +124,16 @@ def settings_of(text: bytes) -> Settings:
             tool = selects[1].decode().lstrip("0") or "0"
             tools.add(tool)
         if (named := _FAN.match(command)) is not None:
-            said = [_fan(named[1], named[2])]
+            sets = [_fan(named[1], named[2])]
         elif (named := _SET.match(command)) is None:
             continue
         else:
-            said = list(_set_by(named[1].upper(), named[2], tool))
+            sets = list(_set_by(named[1].upper(), named[2], tool))
         if command[:4].upper() == b"M220":
             now = found["M220 S"][-1][1] if "M220 S" in found else "100"
             kept = now if re.search(rb"B", named[2], re.I) else kept
-            said = [("M220 S", kept), *said] if re.search(rb"R", named[2], re.I) else said
-        for name, value in said:
+            sets = [("M220 S", kept), *sets] if re.search(rb"R", named[2], re.I) else sets
+        for name, value in sets:
             found.setdefault(name, []).append((line, value))
     return found
 

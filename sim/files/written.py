@@ -177,10 +177,10 @@ def _check_text(
     line = np.asarray(written.motions.line)[laid]
     faults, places = check_commands(written.text, document, line, epoch)
     filament = check_filament(written.motions, source, document, places, (laid, contour), taken)
-    return faults + filament + _check_said(written, document, matched, taken)
+    return faults + filament + _check_source_text(written, document, matched, taken)
 
 
-def _check_said(
+def _check_source_text(
     written: Written, document: GcodeDocument, matched: Matched, taken: Taken | None
 ) -> list[Fault]:
     """Check commands, settings and temperatures against the source's text, if there is one."""

@@ -64,11 +64,11 @@ def degrees_of(words: bytes) -> float | None:
 def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
     """Return what the file of each head must have, by what the source does."""
     first = int(job.contours.epoch.min(initial=0))
-    said = list(_temperatures(document))
-    early = [heat for epoch, _, heat in said if epoch <= first and heat.heats]
+    stated = list(_temperatures(document))
+    early = [heat for epoch, _, heat in stated if epoch <= first and heat.heats]
     waits = any(heat.waits for heat in early)
     told: dict[int, int] = {}  # tool -> epoch from which on it is hot
-    for epoch, tool, heat in said:
+    for epoch, tool, heat in stated:
         if heat.heats and heat.waits == waits:
             told[tool] = min(epoch, told.get(tool, epoch))
     begins = {t: int(job.contours.epoch[job.contours.tool == t].min()) for t in _tools(job)}

@@ -129,7 +129,7 @@ class _Heats:
     """Lines of a file that heat or cool, ascending, found once for all that is asked of it."""
 
     heats: list[int]  # commands to the hot end,
-    told: list[float | None]  # degrees that each states, where it is a plain one
+    stated: list[float | None]  # degrees that each states, where it is a plain one
     unseen: list[int]  # commands that may heat or cool in a way of their own
 
     @classmethod
@@ -139,17 +139,17 @@ class _Heats:
             if _HEATS.match(code):
                 match = _STATED.match(code)
                 found.heats.append(line)
-                found.told.append(None if match is None else float(match[1]))
+                found.stated.append(None if match is None else float(match[1]))
             elif _UNSEEN.match(code):
                 found.unseen.append(line)
         return found
 
-    def told_above(self, line: int) -> float | None:
+    def stated_above(self, line: int) -> float | None:
         """Return how hot the hot end was told to be above a line; None: it is not known."""
         k = bisect_left(self.heats, line) - 1
         later = bisect_right(self.unseen, self.heats[k]) if k >= 0 else 0
         unseen = later < len(self.unseen) and self.unseen[later] < line
-        return None if k < 0 or unseen else self.told[k]
+        return None if k < 0 or unseen else self.stated[k]
 
 
 def _between(lines: Sequence[int], above: int, below: int) -> Sequence[int]:
@@ -182,7 +182,7 @@ def check_idle(
     free = [] if idling.stands is None else sorted(idling.stands.items())
     for group in groups:
         found.lines.update(group.lines)
-        found.words += _told_wrong(file, heats, group, idling)
+        found.words += _heated_wrong(file, heats, group, idling)
         if idling.stands is None:
             found.words += _waitless(file.rests, group)
             continue
@@ -230,11 +230,11 @@ def _waitless(rests: Rests, group: Standby) -> Iterator[str]:
         yield f"line {first}: it cools where it does not wait"
 
 
-def _told_wrong(file: HeadFile, heats: _Heats, group: Standby, idling: Idling) -> Iterator[str]:
+def _heated_wrong(file: HeadFile, heats: _Heats, group: Standby, idling: Idling) -> Iterator[str]:
     """Yield what is wrong with the temperatures of a standby, or moves and signals within it."""
     first, last = group.lines[0], group.lines[-1]
     cold, warm, hot = group.degrees
-    due = heats.told_above(first)
+    due = heats.stated_above(first)
     if due is None:
         yield f"line {group.lines[1]}: it cools, and how hot it was is not known"
     elif not warm == hot == due:

@@ -114,7 +114,7 @@ class Walked:
 
 
 def unreadable(error: InputError) -> Verdict:
-    """Return what is said of files of which one cannot be read."""
+    """Return the verdict on files of which one cannot be read."""
     return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
 
 
@@ -264,8 +264,8 @@ def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
     if len(files) != len(plan.heads):
         there = {file.name for file in files}
         absent = ", ".join(actions.head for actions in plan.heads if actions.head not in there)
-        said = f"{len(files)} files for {len(plan.heads)} heads; name the files of all heads"
-        return [Fault(FaultKind.FILE, said + (f", that of {absent} too" if absent else ""))]
+        text = f"{len(files)} files for {len(plan.heads)} heads; name the files of all heads"
+        return [Fault(FaultKind.FILE, text + (f", that of {absent} too" if absent else ""))]
     lines = []
     for k, (file, actions) in enumerate(zip(files, plan.heads, strict=True)):
         if file.name != actions.head or file.place != (k + 1, len(files)):

@@ -139,9 +139,9 @@ class Walker:
         for k in range(len(self.actions)):
             self.walk.first.append(-1)
             self.walk.reached.append([])
-            said = self._act(k)
-            if said:
-                self.walk.faults.append(said)
+            problem = self._act(k)
+            if problem:
+                self.walk.faults.append(problem)
                 return self.walk
             self.walk.last.append(self._line(self.at - 1))
         while self.at < self.end:
@@ -203,8 +203,8 @@ class Walker:
                 *laid.points[:2].tolist(), float(laid.extrusion[0])))):  # fmt: skip
                 break
             self._still()
-        if said := self._begins(contour):
-            return said
+        if problem := self._begins(contour):
+            return problem
         reached = self.walk.reached[k]
         reached.append(self._line(self.at - 1))
         stop = self.at + (b - a - 1 if laid is None else len(laid.extrusion))
@@ -259,8 +259,8 @@ class Walker:
             ):
                 if abs(has - due) > tolerance:
                     return f"line {line} has {has:.5f} {unit}, contour {contour} {due:.5f}"
-            if said := self._other_state(self._moves.state[self.at], states[s]):
-                return f"line {line}: {said}"
+            if problem := self._other_state(self._moves.state[self.at], states[s]):
+                return f"line {line}: {problem}"
             self._step(k)
             reached.append(line)
         return ""

@@ -159,17 +159,17 @@ def minimised(document: PlanDocument) -> str:
 
 def _team(after: PlanDocument) -> dict[str, Any] | None:
     """Return what agents did; times and entropies of rows as `rounds_s` and one list a head."""
-    said = after.metrics
-    agents = said.get("agents")
+    metrics = after.metrics
+    agents = metrics.get("agents")
     if not agents:
         return None
-    rows = np.asarray(said.get("decided") or np.zeros((0, 1)), np.float64)
+    rows = np.asarray(metrics.get("decided") or np.zeros((0, 1)), np.float64)
     return {
         "rounds_s": rows[:, 0].tolist(),
         "entropy": rows[:, 1:].T.tolist(),
-        "found_by": said.get("found_by"),
+        "found_by": metrics.get("found_by"),
         "agents": list(agents),
-        **said.get("team", {}),
+        **metrics.get("team", {}),
     }
 
 
