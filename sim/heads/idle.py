@@ -19,7 +19,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -116,8 +116,7 @@ def idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
     return frozenset(actions.contour[rows[idle]].tolist())
 
 
-@dataclass(slots=True)
-class Standby:
+class Standby(NamedTuple):
     """Lines that cool a hot end and heat it again."""
 
     lines: tuple[int, ...]  # of M400, M104, M104 and M109
@@ -156,22 +155,16 @@ def _between(lines: Sequence[int], above: int, below: int) -> Sequence[int]:
     return lines[bisect_right(lines, above) : bisect_left(lines, below)]
 
 
-@dataclass(slots=True)
-class Idled:
-    """What is wrong where a head stands idle, and the lines that are right there."""
-
-    words: list[str] = field(default_factory=list)
-    lines: set[int] = field(default_factory=set)
-
-
 def check_idle(
     file: HeadFile, walk: Walk, begin: int, end: int, taken: Set[int], idling: Idling
-) -> Idled:
+) -> tuple[list[str], set[int]]:
     """Check what a file does where its head stands idle, between lines `begin` and `end`.
+
+    Returns what is wrong, and the lines that cool and heat again there.
 
     `taken` are the lines that are the source's own.
     """
-    found = Idled()
+    words, lines = list[str](), set[int]()
     own = [
         (line, code)
         for line, code in file.others
@@ -181,14 +174,14 @@ def check_idle(
     windows = list(zip([begin, *walk.last], walk.ahead(end), strict=True))[:-1]
     free = [] if idling.stands is None else sorted(idling.stands.items())
     for group in groups:
-        found.lines.update(group.lines)
-        found.words += _heated_wrong(file, heats, group, idling)
+        lines.update(group.lines)
+        words += _heated_wrong(file, heats, group, idling)
         if idling.stands is None:
-            found.words += _waitless(file.rests, group)
+            words += _waitless(file.rests, group)
             continue
         here = [n for n, (k, _) in enumerate(free) if _within(group, windows[k])]
         if not here:
-            found.words.append(
+            words.append(
                 f"line {group.lines[1]}: it cools where the plan has it wait for no long time"
             )
             continue
@@ -196,12 +189,12 @@ def check_idle(
             list(_late(file.rests, group, stand, windows[k], idling.idle))
             for k, stand in (free[n] for n in here)
         ]
-        best = next((i for i, words in enumerate(late) if not words), 0)  # a rest and what waits
-        found.words += late[best]  # behind it stand between the same lines
+        best = next((i for i, each in enumerate(late) if not each), 0)  # a rest and what waits
+        words += late[best]  # behind it stand between the same lines
         del free[: here[best] + 1]
-    found.words += _dwelt_elsewhere(file, groups)
-    found.words += _pushed(file, windows, idling)
-    return found
+    words += _dwelt_elsewhere(file, groups)
+    words += _pushed(file, windows, idling)
+    return words, lines
 
 
 def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[Standby]:

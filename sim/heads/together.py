@@ -31,7 +31,7 @@ from sim.files.written import moves_of, source_text
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import heat_due, heats_early, unheated
-from sim.heads.idle import Idled, Idling, check_idle
+from sim.heads.idle import Idling, check_idle
 from sim.heads.laid import SAME_MM
 from sim.heads.ledger import Printed, behind, belongs_to_bead, check_filament, dues_of
 from sim.heads.macros import check_words
@@ -176,17 +176,17 @@ def walk_file(
     ).run()
     words += walk.faults
     words += _check_blocks(file, actions, job, document, blocks, walk)
-    idled = Idled()
+    at_standby = set[int]()
     if walk.complete:
-        idled = check_idle(file, walk, parked, end_code, taken, idling)
-        words += idled.words
+        wrong, at_standby = check_idle(file, walk, parked, end_code, taken, idling)
+        words += wrong
     if walk.complete and tool is not None:
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
         own = {line for line, _ in file.rest[:low]} | taken
         words += unheated(file.rest, file.others, walk.first[int(prints[0])], due, own)
     begins_body = file.rest[low][0] if low < len(file.rest) else beyond
     last = end_code if high < len(file.rest) else beyond
-    words += _foreign(file, document, range(begins_body, last), taken | idled.lines)
+    words += _foreign(file, document, range(begins_body, last), taken | at_standby)
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
