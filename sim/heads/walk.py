@@ -95,6 +95,7 @@ class Walker:
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._moves = _Moves.of(file)
+        self._line, self._stays = self._moves.line, self._moves.stays
         self._trusts = True  # that beads are as they should be: they are looked at later
         self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()
         self._reversed, self._entry = actions.reversed.tolist(), actions.entry.tolist()
@@ -143,10 +144,10 @@ class Walker:
             if problem:
                 self.walk.faults.append(problem)
                 return self.walk
-            self.walk.last.append(self._line(self.at - 1))
+            self.walk.last.append(self._line[self.at - 1])
         while self.at < self.end:
-            if not self._stays(self.at):
-                self.walk.faults.append(f"line {self._line(self.at)} is a move no plan has")
+            if not self._stays[self.at]:
+                self.walk.faults.append(f"line {self._line[self.at]} is a move no plan has")
                 return self.walk
             self._still()
         self.walk.complete = True
@@ -162,13 +163,13 @@ class Walker:
     def _travel(self, k: int) -> str:
         moves, rows = self._moves, slice(self._bounds[k], self._bounds[k + 1])
         path, apart = self.actions.path[rows], self._apart[rows]
-        line = self._line(self.at - 1)
+        line = self._line[self.at - 1]
         reached = self.walk.reached[k] = []
         for is_apart, (x, y, z) in zip(apart.tolist(), path.tolist(), strict=True):
             if not is_apart:
                 reached.append(line)
                 continue
-            while self.at < self.end and self._stays(self.at):
+            while self.at < self.end and self._stays[self.at]:
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
@@ -198,7 +199,7 @@ class Walker:
         if isinstance(laid, str):
             return laid
         a, b = self._begin_of[contour], self._begin_of[contour + 1]
-        while self.at < self.end and self._stays(self.at):
+        while self.at < self.end and self._stays[self.at]:
             if self._is_dot(contour, *(self._first_of(a, b, is_reversed) if laid is None else (
                 *laid.points[:2].tolist(), float(laid.extrusion[0])))):  # fmt: skip
                 break
@@ -206,7 +207,7 @@ class Walker:
         if problem := self._begins(contour):
             return problem
         reached = self.walk.reached[k]
-        reached.append(self._line(self.at - 1))
+        reached.append(self._line[self.at - 1])
         stop = self.at + (b - a - 1 if laid is None else len(laid.extrusion))
         self.walk.laid.append(Bead(contour, self.at, stop))
         if stop <= self.end and (laid is None or self._as_laid(laid, stop)):
@@ -247,7 +248,7 @@ class Walker:
         for s in range(len(laid.extrusion)):
             if self.at >= self.end:
                 return f"the file ends within contour {contour}"
-            line, to = self._line(self.at), laid.points[s + 1]
+            line, to = self._line[self.at], laid.points[s + 1]
             if np.abs(motion.points[self.at + 1] - to).max() > SAME_MM:
                 return (
                     f"line {line} goes to {_xyz(motion.points[self.at + 1])}, "
@@ -274,7 +275,7 @@ class Walker:
         """
         if not _is_same(begin, to):
             return False
-        owed = float(self.file.motion.extruder[max(self._line(self.at) - 2, 0), 1])
+        owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
         return owed <= self._due(contour) + OWED_MM and abs(pushed - filament) <= E_MM
 
@@ -299,7 +300,7 @@ class Walker:
 
     def _begins(self, contour: int) -> str:
         """Return what is wrong with the filament retracted where a bead begins."""
-        line = self._line(min(self.at, self.end - 1))
+        line = self._line[min(self.at, self.end - 1)]
         owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
         if self.file.motion.modes[max(line - 2, 0), 3] or owed > self._due(contour) + OWED_MM:
             return f"line {line} begins contour {contour} with {owed:g} mm retracted"
@@ -314,8 +315,8 @@ class Walker:
         """Go past moves that pull filament back along the bead just printed."""
         motion, path = self.file.motion, self.actions.action_path(k)[self.waited.get(k, 0) :]
         while self.at < self.end:
-            if self._stays(self.at):
-                if self._line(self.at) in self.blocks or not self._wipes_next():
+            if self._stays[self.at]:
+                if self._line[self.at] in self.blocks or not self._wipes_next():
                     return ""
                 self._still()
                 continue
@@ -323,20 +324,20 @@ class Walker:
                 return ""
             ends = motion.points[self.at : self.at + 2]
             if max(_distance(p, path) for p in (*ends, ends.mean(axis=0))) > 2 * SAME_MM:
-                return f"line {self._line(self.at)} wipes beside contour {self.actions.contour[k]}"
+                return f"line {self._line[self.at]} wipes beside contour {self.actions.contour[k]}"
             self._step(k)
         return ""
 
     def _wipes_next(self) -> bool:
         """Tell whether the next move that changes the position pulls filament."""
         m = self.at
-        while m < self.end and self._stays(m):
+        while m < self.end and self._stays[m]:
             m += 1
         return m < self.end and bool(self.file.motion.extrusion[m] < 0.0)
 
     def _still(self) -> None:
         """Go past a move of filament alone and check its length."""
-        motion, line = self.file.motion, self._line(self.at)
+        motion, line = self.file.motion, self._line[self.at]
         pushed = float(motion.extrusion[self.at])
         owed = float(motion.extruder[max(line - 2, 0), 1])
         if line not in self.blocks and pushed > owed + self._surplus + SURPLUS_MM:
@@ -347,14 +348,8 @@ class Walker:
 
     def _step(self, k: int) -> None:
         if self.walk.first[k] < 0:
-            self.walk.first[k] = self._line(self.at)
+            self.walk.first[k] = self._line[self.at]
         self.at += 1
-
-    def _stays(self, move: int) -> bool:
-        return self._moves.stays[move]
-
-    def _line(self, move: int) -> int:
-        return self._moves.line[move]
 
     def _other_state(self, mine: int, row: int) -> str:
         """Return in words how a state of the file differs from the source's row."""
