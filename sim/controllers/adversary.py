@@ -16,7 +16,7 @@ from decmcts.print.machine import Head, Machine
 from sim.arrays import Floats, Ints
 from sim.controllers.carry_out import HeadRun, Run
 from sim.controllers.compiled import compiled
-from sim.controllers.nearness import Shape, gap_between, rails_between, shape_of, slack_between
+from sim.controllers.nearness import Shape, gap_between, rail_rows, shape_of, slack_between
 from sim.controllers.program import HeadProgram, StopKind, Stops
 from sim.controllers.timing import Error, no_error
 from sim.heads.sync import Knowledge, Sync
@@ -36,7 +36,7 @@ def adversaries(
         shapes = shape_of(heads[a]), shape_of(heads[b])
         reach = np.stack([shapes[1].box[0] - shapes[0].box[1], shapes[0].box[0] - shapes[1].box[1]])
         reach[~np.isfinite(reach)] = 0.0  # heads without a shape
-        rails, clear = rails_between(machine, heads[a], heads[b]), machine.head_clearance_mm
+        rails, clear = rail_rows(machine, heads[a], heads[b]), machine.head_clearance_mm
         pairs, gaps = np.zeros((CANDIDATES, 2), np.int64), np.full(CANDIDATES, np.inf)
         _nearest(
             boxes[a], boxes[b], clocks[a][:, b], clocks[b][:, a], reach, rails, clear, pairs, gaps

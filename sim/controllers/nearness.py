@@ -23,7 +23,7 @@ from sim.controllers.motion import Profile
 from sim.controllers.polygons import polygon_gap
 from sim.controllers.program import HeadProgram
 from sim.controllers.timing import Error
-from sim.replay.shapes import parts_of
+from sim.replay.shapes import parts_of, rails_between
 
 CLOSEST_MM = 0.02  # the least distance is found to within this,
 CHART_MM = 0.5  # that of each span of time for charts,
@@ -139,7 +139,7 @@ def _pair(
     shapes: Sequence[Shape], span: tuple[float, float],
 ) -> Near:  # fmt: skip
     a, b = pair
-    rails = rails_between(machine, heads[a], heads[b])
+    rails = rail_rows(machine, heads[a], heads[b])
     fastest = sum(float((courses[h].top / courses[h].slow).max(initial=0.0)) for h in pair)
     bins, least = np.full(BINS, np.inf), np.full(9, np.inf)
     found = np.zeros((MOST_CONTACTS, 10))
@@ -152,15 +152,9 @@ def _pair(
     return Near(pair, gap, time_s, _two(least[3:9].tolist()), rail, bins, contacts)
 
 
-def rails_between(machine: Machine, a: Head, b: Head) -> Floats:
+def rail_rows(machine: Machine, a: Head, b: Head) -> Floats:
     """Return axis, side of b as a sign and least separation of the rails of two heads, (r, 3)."""
-    rows = [
-        (rail.axis, 1.0 if j > i else -1.0, abs(j - i) * rail.separation_mm)
-        for rail in machine.rails
-        if {a.name, b.name} <= set(rail.order)
-        for i, j in [(rail.order.index(a.name), rail.order.index(b.name))]
-    ]
-    return np.array(rows, np.float64).reshape(-1, 3)
+    return np.array(rails_between(machine, a, b), np.float64).reshape(-1, 3)
 
 
 def _contact(pair: tuple[int, int], row: Sequence[float]) -> Contact:

@@ -13,7 +13,7 @@ import shapely
 from decmcts.print.machine import Machine
 from sim.arrays import Floats
 from sim.replay.heads_near import Shapes, outermost, shapes_of
-from sim.replay.shapes import Part, parts_of
+from sim.replay.shapes import Part, parts_of, rails_between
 
 HALVINGS = 60  # of an interval of metres: far below what floats can tell
 
@@ -41,7 +41,7 @@ def row_of(machine: Machine, axis: int) -> Row | None:
     at, by_rail = [0.0], []
     for k in range(1, len(order)):
         need = max(at[j] + _least(machine, parts, j, k, axis) for j in range(k))
-        railed = max(at[i] + _on_rail(machine, order[i], order[k], axis) for i in range(k))
+        railed = max(at[i] + _on_rail(machine, order[i], order[k]) for i in range(k))
         at.append(max(need, railed))
         by_rail.append(railed > need)
     low, high = (float(edge[axis]) for edge in (machine.bed_min, machine.bed_max))
@@ -66,17 +66,10 @@ def _order(machine: Machine, axis: int) -> list[int]:
     return order
 
 
-def _on_rail(machine: Machine, h: int, g: int, axis: int) -> float:
+def _on_rail(machine: Machine, h: int, g: int) -> float:
     """Return how far apart rails keep two nozzles; minus infinity where none does."""
-    one, other = machine.heads[h].name, machine.heads[g].name
-    return max(
-        (
-            rail.separation_mm * (rail.order.index(other) - rail.order.index(one))
-            for rail in machine.rails
-            if one in rail.order and other in rail.order
-        ),
-        default=-np.inf,
-    )
+    rails = rails_between(machine, machine.heads[h], machine.heads[g])
+    return max((side * least for _, side, least in rails), default=-np.inf)
 
 
 def _least(machine: Machine, parts: list[list[Part]], j: int, k: int, axis: int) -> float:

@@ -15,14 +15,14 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from decmcts.print.machine import Head, Rail
+from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions, PlanDocument
 from sim.arrays import Floats, Ints
 from sim.content.legs import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.boxes import near_in_windows
 from sim.replay.collision import Solid, Vertices, swept_vertices
-from sim.replay.shapes import parts_of
+from sim.replay.shapes import parts_of, rails_between
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-6
@@ -128,35 +128,21 @@ def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list
 
 def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
     """Heads on one rail keep their order and their separation, whatever the timing."""
-    rails = document.machine.rails
-    lines = [line for rail in rails for line in _rail_lines(document, legs, order, rail)]
-    return listed(FaultKind.RAIL, lines)
-
-
-def _rail_lines(document: PlanDocument, legs: Legs, order: PartialOrder, rail: Rail) -> list[str]:
-    names = [head.name for head in document.machine.heads]
-    place = {name: i for i, name in enumerate(rail.order)}
-    lines: list[str] = []
+    heads, lines = document.machine.heads, list[str]()
     for r, s in permutations(range(len(legs.all_actions)), 2):
-        if names[r] not in place or names[s] not in place:
-            continue
-        steps = place[names[s]] - place[names[r]]
-        least = rail.separation_mm * abs(steps)
-        for stations, others in concurrent(document.machine.heads, legs.all_actions, order, r, s):
-            lines += [
-                f"{legs.station(r, a, stations.rest)} and {legs.station(s, b, others.rest)} "
-                f"may happen together and be {gap:.3f} mm apart along {'xy'[rail.axis]}, "
-                f"less than {least:g} mm"
-                for a, b, gap in find_rail_breaks(
-                    stations,
-                    others,
-                    axis=rail.axis,
-                    separation_mm=least,
-                    below=steps > 0,
+        for axis, side, least in rails_between(document.machine, heads[r], heads[s]):
+            for stations, others in concurrent(heads, legs.all_actions, order, r, s):
+                breaks = find_rail_breaks(
+                    stations, others, axis=axis, separation_mm=least, below=side > 0.0,
                     limit=2 * LIMIT,
-                )
-            ]
-    return lines
+                )  # fmt: skip
+                lines += [
+                    f"{legs.station(r, a, stations.rest)} and {legs.station(s, b, others.rest)} "
+                    f"may happen together and be {gap:.3f} mm apart along {'xy'[axis]}, "
+                    f"less than {least:g} mm"
+                    for a, b, gap in breaks
+                ]
+    return listed(FaultKind.RAIL, lines)
 
 
 def count_pairs(legs: Legs, order: PartialOrder) -> int:

@@ -25,7 +25,7 @@ from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.collision import Solid, Vertices, swept_vertices
 from sim.replay.compiled import compiled
 from sim.replay.motion import arrival_times
-from sim.replay.shapes import parts_of
+from sim.replay.shapes import parts_of, rails_between
 from sim.rules.order import PartialOrder
 
 SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few
@@ -309,19 +309,17 @@ def rail_breaks(
 
     `shared` has the pieces of each pair (`shared_pieces`).
     """
-    names = [head.name for head in machine.heads]
     found = []
-    for rail in machine.rails:
-        on_rail = list(enumerate(names.index(name) for name in rail.order))
-        for (i, r), (j, s) in combinations(on_rail, 2):
-            pieces, side = shared[min(r, s), max(r, s)], 1 if r < s else -1
-            gap = side * (pieces.b - pieces.a)[:, rail.axis]
-            bad = np.nonzero(gap < (j - i) * rail.separation_mm - TOLERANCE_MM)[0]
+    for pair, pieces in shared.items():
+        for axis, side, least in rails_between(machine, *(machine.heads[h] for h in pair)):
+            gap = side * (pieces.b - pieces.a)[:, axis]
+            bad = np.flatnonzero(gap < least - TOLERANCE_MM)
             if len(bad):
-                k = int(bad[0])
-                at = pieces.actions[k, ::side].tolist()
-                actions = (int(at[0]), int(at[1]))
-                found.append(Meeting(trial, float(pieces.time[k]), (r, s), actions, float(gap[k])))
+                k, turn = int(bad[0]), int(side)  # the first along the rail comes first
+                r, s = pair[::turn]
+                one, other = pieces.actions[k, ::turn].tolist()
+                time_s = float(pieces.time[k])
+                found.append(Meeting(trial, time_s, (r, s), (one, other), float(gap[k])))
     return found
 
 

@@ -16,7 +16,7 @@ from sim.arrays import Floats
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.growth import moves_of
 from sim.replay.material import find_contacts
-from sim.replay.shapes import as_material, beads_there, parts_of
+from sim.replay.shapes import as_material, beads_there, parts_of, rails_between
 
 TOLERANCE_MM = 1e-4
 
@@ -55,13 +55,9 @@ def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, place: P
         apart = low + ours[0] >= np.array(place) + theirs[1] + margin
         apart |= high + ours[1] <= np.array(place) + theirs[0] - margin
         bad |= ~apart.any(axis=1)
-    for rail in machine.rails:
-        if {mine.name, gone.name} <= set(rail.order):
-            steps = rail.order.index(mine.name) - rail.order.index(gone.name)
-            due = abs(steps) * rail.separation_mm - TOLERANCE_MM
-            at = place[rail.axis]
-            near = low[:, rail.axis] - at if steps > 0 else at - high[:, rail.axis]
-            bad |= near < due
+    for axis, side, least in rails_between(machine, gone, mine):
+        near = low[:, axis] - place[axis] if side > 0.0 else place[axis] - high[:, axis]
+        bad |= near < least - TOLERANCE_MM
     return [
         f"head {mine.name} comes too near to head {gone.name}, which stands at "
         f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f}), between "

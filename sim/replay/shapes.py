@@ -84,3 +84,13 @@ def parts_of(head: Head) -> list[Part]:
         corners = np.array([[x, y], [to_x, y], [to_x, to_y], [x, to_y]], np.float64)
         parts.append(Part(body.name, corners, body.minimum[2], body.maximum[2]))
     return parts
+
+
+def rails_between(machine: Machine, a: Head, b: Head) -> list[tuple[int, float, float]]:
+    """Return axis, side of b as a sign, and least separation (mm) of each rail that has both."""
+    found = []
+    for rail in machine.rails:
+        if {a.name, b.name} <= set(rail.order):
+            steps = rail.order.index(b.name) - rail.order.index(a.name)
+            found.append((rail.axis, 1.0 if steps > 0 else -1.0, abs(steps) * rail.separation_mm))
+    return found
