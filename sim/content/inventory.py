@@ -54,17 +54,15 @@ class Segments:
 
 
 def contour_segments(contours: Contours) -> Segments:
-    """Return all segments of all contours."""
+    """Return all segments of all contours that have length or filament."""
     n = len(contours)
     owner = np.repeat(np.arange(n), np.diff(contours.offsets))
     rows = np.nonzero(owner[1:] == owner[:-1])[0] if n else np.empty(0, np.int64)
-    points = contours.points
-    return _laid_down(
-        np.hstack([points[rows], points[rows + 1]]),
-        contours.extrusion[rows + 1],
-        contours.feed[rows + 1],
-        owner[rows],
-        "contour",
+    ends = np.hstack([contours.points[rows], contours.points[rows + 1]])
+    laid = (ends[:, :3] != ends[:, 3:]).any(axis=1) | (contours.extrusion[rows + 1] > 0)
+    rows = rows[laid]
+    return Segments(
+        ends[laid], contours.extrusion[rows + 1], contours.feed[rows + 1], owner[rows], "contour"
     )
 
 
@@ -74,12 +72,6 @@ def move_segments(
     """Return those moves of a file, `rows`, that lay down material (`sim.content.laid`)."""
     ends = np.hstack([points[rows], points[rows + 1]])
     return Segments(ends, extrusion[rows], feed[rows], line[rows].astype(np.int64), "line")
-
-
-def _laid_down(ends: Floats, extrusion: Floats, feed: Floats, place: Ints, word: str) -> Segments:
-    """Drop what has neither length nor filament."""
-    laid = (ends[:, :3] != ends[:, 3:]).any(axis=1) | (extrusion > 0)
-    return Segments(ends[laid], extrusion[laid], feed[laid], place[laid], word)
 
 
 def match_segments(ours: Segments, source: Segments) -> Ints:

@@ -13,7 +13,7 @@ import numpy as np
 
 from decmcts.print.brief import brief
 from decmcts.print.idle import HEAT_C_S
-from decmcts.print.machine import MotionLimits
+from decmcts.print.machine import MotionLimits, Point
 from sim.arrays import Flags, Floats, Ints
 from sim.controllers.heating import AMBIENT_C, COOL_C_S
 
@@ -106,6 +106,12 @@ class HeadProgram:
         """Return the first and the last move of each action that has any."""
         firsts = np.flatnonzero(np.diff(self.action, prepend=-1) != 0)
         return firsts, np.append(firsts[1:], len(self.action)) - 1
+
+
+def place_of(point: Floats) -> Point:
+    """Return a point, (3,) mm, as plain numbers."""
+    x, y, z = point.tolist()
+    return x, y, z
 
 
 def stops_of(rows: list[tuple[int, int, int, float]]) -> Stops:

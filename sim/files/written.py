@@ -107,7 +107,7 @@ def _verify(
     try:
         written = _read_back(path, job, document, source, seams, plate)
     except InputError as error:
-        return Verdict((_unreadable(error),))
+        return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
     motions = written.motions
     if (taken := written.taken) is not None:
         job, document = taken.job, taken.document
@@ -139,10 +139,6 @@ def check_line_numbers(path: Path | str, plate: int | None) -> list[Fault]:
         return []
     text = f"line {line} has a line number, and a firmware stops where the next is another"
     return [Fault(FaultKind.COMMAND, text)]
-
-
-def _unreadable(error: InputError) -> Fault:
-    return Fault(FaultKind.STATE, f"the file cannot be read back: {error}")
 
 
 def _read_back(

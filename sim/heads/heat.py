@@ -71,7 +71,10 @@ def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
     for epoch, tool, heat in stated:
         if heat.heats and heat.waits == waits:
             told[tool] = min(epoch, told.get(tool, epoch))
-    begins = {t: int(job.contours.epoch[job.contours.tool == t].min()) for t in _tools(job)}
+    begins = {
+        t: int(job.contours.epoch[job.contours.tool == t].min())
+        for t in np.unique(job.contours.tool).tolist()
+    }
     cold = [t for t, epoch in begins.items() if told.get(t, epoch + 1) > epoch]
     ends = [heat for heat in map(heat_of, codes_of(document.postamble)) if heat is not None]
     off = any(not heat.heats and heat.tool is None for heat in ends)
@@ -142,7 +145,3 @@ def _temperatures(document: GcodeDocument) -> Iterable[tuple[int, int, Heat]]:
                 tool = selected if heat.tool is None else heat.tool
                 if alone is None or tool == alone:
                     yield epoch, tool, heat if alone is None else heat._replace(tool=tool)
-
-
-def _tools(job: PrintJob) -> list[int]:
-    return [int(tool) for tool in np.unique(job.contours.tool)]

@@ -105,7 +105,7 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
     spans = lines_in_source(document)
     book = Book.of(source, laid, contour[laid], spans)
     n, tools, line = len(begins), tools_of(source), np.asarray(source.line)
-    owed = _owed_by_tool(extrusion, tools)
+    owed = {t: _owed(np.where(tools == t, extrusion, 0.0)) for t in np.unique(tools).tolist()}
     left, above = np.zeros(len(document.blocks)), np.full(len(document.blocks), np.nan)
     net, start = np.zeros(n), 0.0
     for k, c in enumerate(book.contour.tolist()):
@@ -177,11 +177,6 @@ def _of_pieces(
     parted = np.bincount(of, minlength=len(begins))[of] > 1
     own = np.add.reduceat(contours.extrusion, contours.offsets[:-1])
     return first, np.where(parted, own, given[of])
-
-
-def _owed_by_tool(extrusion: Floats, tools: Ints) -> dict[int, Floats]:
-    """Return how much each tool has retracted before each move and behind all, (m + 1,) mm."""
-    return {t: _owed(np.where(tools == t, extrusion, 0.0)) for t in np.unique(tools).tolist()}
 
 
 def _owed(extrusion: Floats) -> Floats:

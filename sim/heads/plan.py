@@ -173,7 +173,8 @@ def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act
         last = acts[-1] if acts else None
         if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
             continue  # a wipe back along a bead belongs to it (`sim.heads.walk`)
-        parted = last is None or any(last.last < at < line for at in _last_above(syncs, line))
+        above = bisect_left(syncs, line)
+        parted = last is None or (above > 0 and syncs[above - 1] > last.last)
         if parted or last is None or last.contour != key:
             acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
         else:
@@ -219,12 +220,6 @@ def _dots_of(job: PrintJob) -> cKDTree | None:
     ends = contour_segments(job.contours).ends
     dots = ends[(ends[:, :3] == ends[:, 3:]).all(axis=1), :3]
     return cKDTree(dots) if len(dots) else None
-
-
-def _last_above(lines: list[int], line: int) -> list[int]:
-    """Return the last of these ascending lines that is above a line, as a list of one or none."""
-    k = int(np.searchsorted(lines, line))
-    return lines[max(0, k - 1) : k]
 
 
 def _snap(act: _Act, job: PrintJob) -> None:

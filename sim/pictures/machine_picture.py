@@ -17,7 +17,7 @@ from matplotlib.transforms import ScaledTranslation
 from decmcts.print.machine import Head, Machine, Rail
 from sim.arrays import Floats
 from sim.pictures.canvas import head_colour, save
-from sim.pictures.heads_in_row import Row, row_of
+from sim.pictures.heads_in_row import row_of
 from sim.pictures.row_picture import draw_row_above, draw_row_beside, shortened, write_row
 
 NEAR_MM = 110.0  # of the nozzle; larger parts are cut off at the frame
@@ -34,7 +34,8 @@ def draw_machine(machine: Machine, path: Path | str) -> None:
 
     Heads of one shape are drawn once. A PNG, or an SVG where the path ends so.
     """
-    shapes, rows = _shapes(machine), _rows(machine)
+    shapes = _shapes(machine)
+    rows = [row for axis in range(2) if (row := row_of(machine, axis)) is not None]
     count = len(shapes) + len(rows)
     height = HEAD_IN * count + 1.3
     figure = Figure(figsize=(16.5, height))
@@ -78,10 +79,6 @@ def _alike(head: Head, other: Head) -> bool:
         for h in (head, other)
     )
     return one == two and head.bodies == other.bodies
-
-
-def _rows(machine: Machine) -> list[Row]:
-    return [row for axis in range(2) if (row := row_of(machine, axis)) is not None]
 
 
 def _draw_slices(axis: Any, head: Head, names: str) -> None:

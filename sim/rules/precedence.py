@@ -119,7 +119,8 @@ def _near(
     by_layer = np.argsort(contours.layer, kind="stable")
     cuts = np.flatnonzero(np.diff(contours.layer[by_layer])) + 1
     for members in np.split(by_layer, cuts):
-        of_role = {int(r): members[contours.role[members] == r] for r in _unique(contours, members)}
+        roles: list[int] = np.unique(contours.role[members]).tolist()
+        of_role = {r: members[contours.role[members] == r] for r in roles}
         trees = {r: shapely.STRtree(boxes[ids]) for r, ids in of_role.items()}
         for r, s in combinations_with_replacement(of_role, 2):
             if not (must_stay(r, s, rules) or must_stay(s, r, rules)):
@@ -134,11 +135,6 @@ def _near(
                 fits = np.where(forth, must_stay(r, s, rules), must_stay(s, r, rules)) & (a < b)
                 fits &= contours.sources[a] != contours.sources[b]  # pieces of one contour are free
                 yield a[fits], b[fits]
-
-
-def _unique(contours: Contours, members: Ints) -> list[int]:
-    found: list[int] = np.unique(contours.role[members]).tolist()
-    return found
 
 
 def must_stay(first: int, second: int, rules: OrderRules) -> bool:
