@@ -35,7 +35,7 @@ def draw_machine(machine: Machine, path: Path | str) -> None:
     Heads of one shape are drawn once. A PNG, or an SVG where the path ends so.
     """
     shapes = _shapes(machine)
-    rows = [row for axis in range(2) if (row := row_of(machine, axis)) is not None]
+    rows = [each for axis in range(2) if (each := row_of(machine, axis)) is not None]
     count = len(shapes) + len(rows)
     height = HEAD_IN * count + 1.3
     figure = Figure(figsize=(16.5, height))
