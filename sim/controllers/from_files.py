@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from decmcts.print.motion_kernels import FACTOR
 
-from decmcts._kernels.motion.blocks import FACTOR
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.duration import dwell_seconds, file_program
 from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
