@@ -67,7 +67,7 @@ def crossings(path: Path, source: Path) -> int:
     travels = travels[(travels > beads[0]) & (travels < beads[-1])]
     z = motion.points[1:, 2][beads[np.searchsorted(beads, travels)]]
     start, end = motion.points[travels, :2], motion.points[travels + 1, :2]
-    walls, height = wall_lines(read_gcode(source)[0].contours)
+    walls, height, _ = wall_lines(read_gcode(source)[0].contours)
     leg, wall = shapely.STRtree(walls).query(
         shapely.linestrings(np.stack([start, end], axis=1)), predicate="crosses"
     )

@@ -1,4 +1,4 @@
-"""The judge: checks a plan or a G-code file with logic of its own.
+"""The judge: checks a plan with logic of its own.
 
 Composition only; each rule is checked in a module of its own. Nothing of the
 planner's algorithms is imported here, only its data types.
@@ -6,16 +6,16 @@ planner's algorithms is imported here, only its data types.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
+from sim.arrays import Floats, Ints
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.legs import Legs, legs_of
 from sim.content.paths import check_head, check_once, check_release, check_structure
@@ -28,12 +28,10 @@ from sim.content.same_print import (
     check_print,
     is_other_print,
 )
-from sim.content.seams import Moved
 from sim.content.welds import check_welds
 from sim.faults import LIMIT, Fault, FaultKind, Gap, Nearest, Verdict, listed
 from sim.files.extent import check_extent
-from sim.files.moves import check_moves
-from sim.replay.apart import check_heads, check_rail, count_pairs, nearest_heads
+from sim.replay.bodies import check_heads, check_rail, count_pairs
 from sim.replay.contacts import (
     Meetings,
     allowed_in_plan,
@@ -51,11 +49,11 @@ from sim.replay.execution import (
     timing_factors,
 )
 from sim.replay.fenced import check_fenced
-from sim.replay.growth import beads_for, beads_there, moves_of
+from sim.replay.growth import beads_for, moves_of
+from sim.replay.heads_near import nearest_heads
 from sim.replay.material import find_contacts, or_undecided, place_of
-from sim.replay.nominal import check_least, check_metrics, check_times
-from sim.replay.shapes import as_material
-from sim.replay.signals import check_signals
+from sim.replay.nominal import check_least, check_metrics, check_signals, check_times
+from sim.replay.shapes import as_material, beads_there
 from sim.rules.cooling import check_cooling
 from sim.rules.order import PartialOrder, order_of
 from sim.rules.order_rules import check_order, statements, usual_rules
@@ -100,7 +98,6 @@ def verify_plan(
     Verdict
         All faults found, of each kind a few dozen at most, and what was checked.
     """
-    started = time.perf_counter()
     faults = check_structure(document)
     if faults:
         return Verdict(tuple(faults))
@@ -139,7 +136,6 @@ def verify_plan(
         faults += check_meetings(meetings, legs.all_actions, prints)
         more, nearest = _check_execution(document, legs, order, meetings, counts, trials, seed)
         faults += more
-    counts["seconds"] = time.perf_counter() - started
     checked = statements(document, source, machine, held, rules)
     return Verdict(tuple(faults), counts, checked, nearest=nearest)
 
@@ -217,43 +213,6 @@ def _check_execution(
     return faults, Nearest(nearest_heads(document, legs, order), beside)
 
 
-def verify_motions(
-    motions: Motions,
-    source: Motions,
-    machine: Machine,
-    *,
-    job: PrintJob | None = None,
-    seams: Sequence[Moved] = (),
-) -> Verdict:
-    """Check a one-head G-code file against the file it was made from.
-
-    Every extrusion of the source once, with its E and feed, nothing else; and
-    the head, moved through the file, touches nothing printed before. Loops may
-    begin at another vertex as far as `sim.content.seams` allows.
-
-    Parameters
-    ----------
-    motions, source : Motions
-        Every move of the two files in their order.
-    machine : Machine
-        Its first head is moved.
-    job : PrintJob | None
-        The source's print; when given, nothing may have moved across its barriers.
-    seams : Sequence[Moved]
-        Loops of `job` the file enters at another vertex (`sim.content.seams.seams_of_file`).
-    """
-    started = time.perf_counter()
-    matched = check_moves(motions, source, machine, job=job, seams=seams)
-    if matched.is_other:
-        return Verdict(tuple(matched.faults))
-    counts = {
-        "moves": float(len(motions.line)),
-        "segments": float(len(matched.segments.ends)),
-        "seconds": time.perf_counter() - started,
-    }
-    return Verdict(tuple(matched.faults), counts, (), matched.met.warnings, matched.met.nearest)
-
-
 def all_actions_of(document: PlanDocument) -> tuple[HeadActions, ...]:
     """Return one action list per head of the machine, empty for a head without work."""
     given = {h.head: h for h in document.plan.heads}
@@ -278,12 +237,7 @@ def _idle(name: str) -> HeadActions:
 
 def _renumbered(actions: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
     """Return actions whose `after` counts heads as the machine does, not as the plan does."""
-    return HeadActions(
-        actions.head, actions.kind, actions.contour, actions.reversed, actions.entry,
-        actions.path_offsets, actions.path, actions.begin_s, actions.end_s, actions.after_offsets,
-        renumber[actions.after_head], actions.after_action, actions.after_point,
-        actions.after_lag_s,
-    )  # fmt: skip
+    return replace(actions, after_head=renumber[actions.after_head])
 
 
 def check_material(
@@ -328,11 +282,7 @@ def check_material(
 
 
 def _into_printed(
-    document: PlanDocument,
-    legs: Legs,
-    head: int,
-    moves: NDArray[np.float64],
-    owner: NDArray[np.int64],
+    document: PlanDocument, legs: Legs, head: int, moves: Floats, owner: Ints
 ) -> list[str]:
     """Say where a head touches what stands on the bed before the plan begins."""
     if document.printed is None:
@@ -354,7 +304,7 @@ def check_replays(
     document: PlanDocument,
     legs: Legs,
     order: PartialOrder,
-    arrivals: list[NDArray[np.float64]],
+    arrivals: list[Floats],
     counts: dict[str, float],
     *,
     trials: int,

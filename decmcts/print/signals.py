@@ -3,7 +3,7 @@
 A controller that drops changes of an output nearer than some interval must not give two signals
 within it. Of nearer ones one is given, at the later point of the same action. At the end of an
 action the head may stand until it is time. Planner and writer of files ask here; the judge has
-logic of its own (`sim.heads.intervals`, `sim.replay.signals`).
+logic of its own (`sim.heads.order`, `sim.replay.nominal`).
 """
 
 from __future__ import annotations

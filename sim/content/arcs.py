@@ -12,21 +12,19 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.document import Arcs
 from decmcts.print.job import PrintJob
+from sim.arrays import Flags, Floats, Ints
 from sim.content.inventory import NO_MATCH, altered
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 NEAR_MM = 3e-3  # ends and centres together, rounding to three decimals on both sides
 ROUND_MM = 5e-3  # of the radius of a part, whose end is rounded, against that of the whole
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 _NO_MOVES = (np.zeros(0), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
@@ -160,7 +158,7 @@ def _matched(ours: Turns, source: Turns) -> Ints:
     return match
 
 
-def _are_parts(ours: Turns, extra: Ints, source: Turns, whole: Ints) -> NDArray[np.bool_]:
+def _are_parts(ours: Turns, extra: Ints, source: Turns, whole: Ints) -> Flags:
     """Tell which of our arcs `extra` are parts of the source's arcs `whole`, (n,)."""
     parts = np.zeros(len(extra), np.bool_)
     if not len(extra) or not len(whole):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.print.contours import Contours
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 GRID_MM = 1e-3
@@ -31,13 +32,13 @@ NO_MATCH = -1
 class Segments:
     """Extruding segments, and where each stands."""
 
-    ends: NDArray[np.float64]  # (n, 6) start and end
-    extrusion: NDArray[np.float64]  # (n,) filament mm
-    feed: NDArray[np.float64]  # (n,) mm/s
-    place: NDArray[np.int64]  # (n,) line or contour
+    ends: Floats  # (n, 6) start and end
+    extrusion: Floats  # (n,) filament mm
+    feed: Floats  # (n,) mm/s
+    place: Ints  # (n,) line or contour
     word: str  # "line" or "contour"
 
-    def at(self, rows: NDArray[np.int64]) -> Segments:
+    def at(self, rows: Ints) -> Segments:
         """Return some of the segments."""
         return Segments(
             self.ends[rows], self.extrusion[rows], self.feed[rows], self.place[rows], self.word
@@ -53,45 +54,27 @@ class Segments:
 
 
 def contour_segments(contours: Contours) -> Segments:
-    """Return all segments of all contours."""
+    """Return all segments of all contours that have length or filament."""
     n = len(contours)
     owner = np.repeat(np.arange(n), np.diff(contours.offsets))
     rows = np.nonzero(owner[1:] == owner[:-1])[0] if n else np.empty(0, np.int64)
-    points = contours.points
-    return _laid_down(
-        np.hstack([points[rows], points[rows + 1]]),
-        contours.extrusion[rows + 1],
-        contours.feed[rows + 1],
-        owner[rows],
-        "contour",
+    ends = np.hstack([contours.points[rows], contours.points[rows + 1]])
+    laid = (ends[:, :3] != ends[:, 3:]).any(axis=1) | (contours.extrusion[rows + 1] > 0)
+    rows = rows[laid]
+    return Segments(
+        ends[laid], contours.extrusion[rows + 1], contours.feed[rows + 1], owner[rows], "contour"
     )
 
 
 def move_segments(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    feed: NDArray[np.float64],
-    line: NDArray[np.int64],
-    rows: NDArray[np.int64],
+    points: Floats, extrusion: Floats, feed: Floats, line: Ints, rows: Ints
 ) -> Segments:
     """Return those moves of a file, `rows`, that lay down material (`sim.content.laid`)."""
     ends = np.hstack([points[rows], points[rows + 1]])
     return Segments(ends, extrusion[rows], feed[rows], line[rows].astype(np.int64), "line")
 
 
-def _laid_down(
-    ends: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    feed: NDArray[np.float64],
-    place: NDArray[np.int64],
-    word: str,
-) -> Segments:
-    """Drop what has neither length nor filament."""
-    laid = (ends[:, :3] != ends[:, 3:]).any(axis=1) | (extrusion > 0)
-    return Segments(ends[laid], extrusion[laid], feed[laid], place[laid], word)
-
-
-def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
+def match_segments(ours: Segments, source: Segments) -> Ints:
     """Return for each of our segments the source's segment it is, or NO_MATCH, (n,).
 
     No source segment is matched twice. Of segments alike in place, filament and feed
@@ -103,28 +86,22 @@ def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
     mine, theirs = _keys(ours), _keys(source)
     several, due = _match_single(ours, source, mine, theirs, match)
     like, alike = _alike(ours.at(several), source.at(due), mine[several], theirs[due])
-    within = np.full(len(several), NO_MATCH, np.int64)
-    _match_in_turn(within, like, alike)
-    found = within != NO_MATCH
-    match[several[found]] = due[within[found]]
+    _match_in_turn(match, several, due, like, alike)
     left, free = np.flatnonzero(match == NO_MATCH), _unmatched(source, match)
     if len(left) and len(free):  # same ends, other filament or feed: matched by rank of amount
         left = left[np.lexsort((ours.feed[left], ours.extrusion[left]))]
         free = free[np.lexsort((source.feed[free], source.extrusion[free]))]
-        rest = np.full(len(left), NO_MATCH, np.int64)
-        _match_in_turn(rest, mine[left], theirs[free])
-        found = rest != NO_MATCH
-        match[left[found]] = free[rest[found]]
+        _match_in_turn(match, left, free, mine[left], theirs[free])
     _match_near(ours, source, match)
     return match
 
 
-def places_of(segments: Segments) -> NDArray[np.int64]:
+def places_of(segments: Segments) -> Ints:
     """Return one number a segment, equal for those between the same two points."""
     return np.unique(_keys(segments), return_inverse=True)[1].astype(np.int64)
 
 
-def alike_of(segments: Segments) -> NDArray[np.int64]:
+def alike_of(segments: Segments) -> Ints:
     """Return one number a segment, equal for those alike in place, feed and filament, (n,)."""
     nothing = np.zeros(0, np.int64)
     keys = _keys(segments)
@@ -133,8 +110,8 @@ def alike_of(segments: Segments) -> NDArray[np.int64]:
 
 def _match_single(
     ours: Segments, source: Segments, mine: NDArray[np.uint64], theirs: NDArray[np.uint64],
-    match: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:  # fmt: skip
+    match: Ints,
+) -> tuple[Ints, Ints]:  # fmt: skip
     """Match what stands alone at its ends in both, if it is alike, as nearly all is.
 
     Mutates match. Returns the rows of ours and of the source that may have several partners, or
@@ -155,7 +132,7 @@ def _match_single(
     return np.flatnonzero(several), np.flatnonzero(due)
 
 
-def _alone(ascending: NDArray[np.uint64]) -> NDArray[np.bool_]:
+def _alone(ascending: NDArray[np.uint64]) -> Flags:
     """Tell which numbers have no equal beside them, (n,)."""
     new = ascending[1:] != ascending[:-1]
     first, last = np.append(True, new), np.append(new, True)
@@ -164,7 +141,7 @@ def _alone(ascending: NDArray[np.uint64]) -> NDArray[np.bool_]:
 
 def _alike(
     ours: Segments, source: Segments, mine: NDArray[np.uint64], theirs: NDArray[np.uint64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Ints, Ints]:
     """Return one number a segment, equal for what is alike in place, feed and filament.
 
     Amounts may differ by what files round off.
@@ -182,14 +159,16 @@ def _alike(
     return like[:n], like[n:]
 
 
-def _match_in_turn(match: NDArray[np.int64], mine: NDArray[Any], theirs: NDArray[Any]) -> None:
-    """Match equal numbers, first with first; mutates match."""
+def _match_in_turn(
+    match: Ints, ours: Ints, source: Ints, mine: NDArray[Any], theirs: NDArray[Any]
+) -> None:
+    """Match rows of ours and of the source with equal numbers, first with first; mutates match."""
     by_mine, by_theirs = (np.argsort(keys, kind="stable") for keys in (mine, theirs))
     mine, theirs = mine[by_mine], theirs[by_theirs]
     rank = np.arange(len(mine)) - np.searchsorted(mine, mine, side="left")
     at = np.searchsorted(theirs, mine, side="left") + rank
     hit = at < np.searchsorted(theirs, mine, side="right")
-    match[by_mine[hit]] = by_theirs[at[hit]]
+    match[ours[by_mine[hit]]] = source[by_theirs[at[hit]]]
 
 
 def _keys(segments: Segments) -> NDArray[np.uint64]:
@@ -200,7 +179,7 @@ def _keys(segments: Segments) -> NDArray[np.uint64]:
     return low * np.uint64(0x9E3779B97F4A7C15) + high
 
 
-def _mixed(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
+def _mixed(rows: Ints) -> NDArray[np.uint64]:
     """Hash integer rows (n, 3); the multipliers are large odd constants (splitmix64)."""
     x = np.zeros(len(rows), np.uint64)
     for column in rows.astype(np.uint64).T:
@@ -211,7 +190,7 @@ def _mixed(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
     return x
 
 
-def _match_near(ours: Segments, source: Segments, match: NDArray[np.int64]) -> None:
+def _match_near(ours: Segments, source: Segments, match: Ints) -> None:
     """Match what is left by distance; mutates match."""
     left = np.nonzero(match == NO_MATCH)[0]
     free = _unmatched(source, match)
@@ -230,14 +209,14 @@ def _match_near(ours: Segments, source: Segments, match: NDArray[np.int64]) -> N
             match[i] = best
 
 
-def _unmatched(source: Segments, match: NDArray[np.int64]) -> NDArray[np.int64]:
+def _unmatched(source: Segments, match: Ints) -> Ints:
     """Return the source's segments that none of ours is, ascending."""
     free = np.ones(len(source.ends), np.bool_)
     free[match[match != NO_MATCH]] = False
     return np.flatnonzero(free)
 
 
-def compare(ours: Segments, source: Segments, match: NDArray[np.int64]) -> list[Fault]:
+def compare(ours: Segments, source: Segments, match: Ints) -> list[Fault]:
     """Return what is missing, doubled, foreign or altered."""
     gone = _unmatched(source, match)
     extra = np.nonzero(match == NO_MATCH)[0]
@@ -256,12 +235,12 @@ class Laid(Protocol):
     """What lays filament, piece by piece: segments, or arcs."""
 
     @property
-    def extrusion(self) -> NDArray[np.float64]:
+    def extrusion(self) -> Floats:
         """Filament, (n,) mm."""
         ...
 
     @property
-    def feed(self) -> NDArray[np.float64]:
+    def feed(self) -> Floats:
         """Feed, (n,) mm/s."""
         ...
 
@@ -270,7 +249,7 @@ class Laid(Protocol):
         ...
 
 
-def altered(ours: Laid, source: Laid, match: NDArray[np.int64]) -> list[Fault]:
+def altered(ours: Laid, source: Laid, match: Ints) -> list[Fault]:
     """Return what has other filament or another feed than the source's piece it is."""
     pairs = np.flatnonzero(match != NO_MATCH)
     faults: list[Fault] = []
@@ -287,7 +266,7 @@ def altered(ours: Laid, source: Laid, match: NDArray[np.int64]) -> list[Fault]:
     return faults
 
 
-def _each(kind: FaultKind, segments: Segments, rows: NDArray[np.int64], text: str) -> list[Fault]:
+def _each(kind: FaultKind, segments: Segments, rows: Ints, text: str) -> list[Fault]:
     lines = [f"{segments.text(i)} {text}" for i in rows[:LIMIT].tolist()]
     return listed(kind, lines, total=len(rows))
 

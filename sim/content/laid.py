@@ -10,15 +10,12 @@ different tools the source's own lines stand, which are compared word by word.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from sim.arrays import Flags, Floats, Ints
 
 ROUNDING_MM = 1e-3  # of filament
 FLOW_MM = 0.2  # a restart may push so much more than was retracted,
 LOWERED_MM = 1.0  # or so much where the nozzle then comes straight down to a bead
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 def lying(extrusion: Floats, tool: Ints) -> Floats:
@@ -32,7 +29,7 @@ def lying(extrusion: Floats, tool: Ints) -> Floats:
     return beyond
 
 
-def laying_rows(points: Floats, extrusion: Floats, tool: Ints, known: Bools) -> Ints:
+def laying_rows(points: Floats, extrusion: Floats, tool: Ints, known: Flags) -> Ints:
     """Return the moves that lay down material, ascending; linear in their number.
 
     Parameters
@@ -59,7 +56,7 @@ def laying_rows(points: Floats, extrusion: Floats, tool: Ints, known: Bools) -> 
     return np.flatnonzero(beads | lies | (known & given)).astype(np.int64)
 
 
-def _followed(beads: Bools, stops: Bools, asked: Bools) -> Bools:
+def _followed(beads: Flags, stops: Flags, asked: Flags) -> Flags:
     """Tell for which of the `asked` moves the first later one that stops is a bead, (m,)."""
     rows = np.flatnonzero(stops)
     result = np.zeros(len(beads), np.bool_)
@@ -70,7 +67,7 @@ def _followed(beads: Bools, stops: Bools, asked: Bools) -> Bools:
     return result
 
 
-def _amid(beads: Bools, tool: Ints) -> Bools:
+def _amid(beads: Flags, tool: Ints) -> Flags:
     """Tell which moves lie between two beads of one tool, with no other in use between, (m,)."""
     rows = np.flatnonzero(beads)
     if not len(rows):

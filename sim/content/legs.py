@@ -12,14 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.plan import ACTION_END, HeadActions
+from sim.arrays import Flags, Floats, Ints
 from sim.content.paths import describe
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

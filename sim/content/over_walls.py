@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Floats, Ints
 
 OUTER = (Role.EXTERNAL_PERIMETER, Role.OVERHANG_PERIMETER)
 SAME_Z_MM = 1e-6
 END_MM = 0.05  # at both ends of a leg that may touch a wall: beads begin and end on walls
 LEAST_MM = 1e-9
-
-Floats = NDArray[np.float64]
 
 
 def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
@@ -30,9 +29,25 @@ def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
     may move the head, so what a plan has there is not counted.
     """
     start, end, before, behind = _legs(contours, actions)
-    walls, height = wall_lines(contours)
+    legs, _ = crossed_by(contours, start, end, before, behind)
+    return float(np.hypot(*(end - start)[np.unique(legs)].T).sum())
+
+
+def crossed_by(
+    contours: Contours, start: Floats, end: Floats, before: Floats, behind: Floats
+) -> tuple[Ints, Ints]:
+    """Return legs that cross outer walls, and the contours that these are of, (k,) each.
+
+    Parameters
+    ----------
+    start, end : (l, 2)
+        Of the legs, seen from above.
+    before, behind : (l,)
+        Heights of the two layers whose walls each leg is met with.
+    """
+    walls, height, owner = wall_lines(contours)
     if not len(start) or not len(walls):
-        return 0.0
+        return np.empty(0, np.int64), np.empty(0, np.int64)
     length = np.hypot(*(end - start).T)
     cut = (end - start) * (END_MM / np.maximum(length, LEAST_MM))[:, None]
     long = length > 2.0 * END_MM
@@ -42,10 +57,9 @@ def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
     strip = float(every.max(initial=0.0) - every.min(initial=0.0)) + 1.0
     of_walls, last, following = _strips(height, before[legs], behind[legs])
     tree = shapely.STRtree(_moved(ends, strip * of_walls))
-    crossed = np.zeros(len(legs), np.bool_)
-    for at in (last, following):
-        crossed[tree.query(_moved(lines, strip * at), predicate="intersects")[0]] = True
-    return float(length[legs[crossed]].sum())
+    asked = (_moved(lines, strip * at) for at in (last, following))
+    leg, wall = np.hstack([tree.query(each, predicate="intersects") for each in asked])
+    return legs[leg], owner[wall]
 
 
 def _strips(*heights: Floats) -> list[Floats]:
@@ -85,8 +99,8 @@ def _legs(contours: Contours, actions: HeadActions) -> tuple[Floats, Floats, Flo
     return start[moves], end[moves], before[moves], behind[moves]
 
 
-def wall_lines(contours: Contours) -> tuple[NDArray[np.object_], Floats]:
-    """Return the level segments of outer walls as lines, loops closed, and their heights."""
+def wall_lines(contours: Contours) -> tuple[NDArray[np.object_], Floats, Ints]:
+    """Return the level segments of outer walls as lines, loops closed, heights, and contours."""
     owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
     outer = np.isin(contours.role, OUTER)
     along = np.flatnonzero((owner[1:] == owner[:-1]) & outer[owner[:-1]])
@@ -99,5 +113,5 @@ def wall_lines(contours: Contours) -> tuple[NDArray[np.object_], Floats]:
         axis=1,
     )
     level = np.abs(ends[:, 0, 2] - ends[:, 1, 2]) <= SAME_Z_MM
-    ends = ends[level]
-    return shapely.linestrings(ends[:, :, :2]), ends[:, 0, 2]
+    ends, owner = ends[level], np.concatenate([owner[along], loops])[level]
+    return shapely.linestrings(ends[:, :, :2]), ends[:, 0, 2], owner

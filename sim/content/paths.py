@@ -7,18 +7,16 @@ reach.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
+from sim.arrays import Flags, Ints
 from sim.content.seams import Moved, run_of
 from sim.faults import Fault, FaultKind, listed
 
 SAME_MM = 1e-3  # points nearer than this are one point: files keep three decimals
 LARGEST_LAG_S = 1e7
-
-Flags = NDArray[np.bool_]
 
 
 def describe(actions: HeadActions, action: int) -> str:
@@ -182,7 +180,7 @@ def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
     return listed(FaultKind.WRONG_PATH, lines)
 
 
-def _along(contours: Contours, actions: HeadActions, prints: NDArray[np.int64]) -> Flags:
+def _along(contours: Contours, actions: HeadActions, prints: Ints) -> Flags:
     """Tell of each print, (n,), whether it runs along its contour from an end, all at once."""
     contour, back = actions.contour[prints], actions.reversed[prints]
     first, sizes = actions.path_offsets[prints], np.diff(actions.path_offsets)[prints]

@@ -16,6 +16,7 @@ from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 EXACT = 1e-9  # of places along a contour, of mm and of mm of filament
@@ -29,10 +30,6 @@ INSIDE = (
 )  # fmt: skip
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)
 ALIKE = tuple(name for name in PER_CONTOUR if name not in ("closed", "reversible"))
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

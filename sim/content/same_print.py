@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import PER_CONTOUR, Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Head, Machine, MotionLimits
+from sim.arrays import Floats, Ints
 from sim.content.inventory import NO_MATCH, Segments
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
@@ -26,9 +26,7 @@ FEW = 20  # segments; a smaller print has so few faults that all can be listed
 PER_POINT = ("points", "extrusion", "feed")
 
 
-def check_print(
-    ours: Segments, source: Segments, match: NDArray[np.int64], contour: NDArray[np.int64]
-) -> list[Fault]:
+def check_print(ours: Segments, source: Segments, match: Ints, contour: Ints) -> list[Fault]:
     """Return one fault where ours and the source have hardly a segment in common.
 
     `match` says which segment of the source each of ours is, `contour` which contour each
@@ -87,7 +85,7 @@ def check_contours(ours: Contours, source: Contours) -> list[Fault]:
     return faults
 
 
-def check_accelerations(ours: NDArray[np.float64] | None, source: PrintJob) -> list[Fault]:
+def check_accelerations(ours: Floats | None, source: PrintJob) -> list[Fault]:
     """Compare the accelerations a plan states, where it states any, with the source's."""
     due = source.accelerations
     if ours is None or len(ours) != len(due):
@@ -167,8 +165,8 @@ def _check_head(ours: Head, named: Head, *, alone: bool) -> list[Fault]:
     ]
 
 
-def _check_limits(ours: MotionLimits, named: MotionLimits, said: MotionLimits) -> list[Fault]:
-    under = named.under(said)
+def _check_limits(ours: MotionLimits, named: MotionLimits, stated: MotionLimits) -> list[Fault]:
+    under = named.under(stated)
     if _same(ours, named) or _same(ours, under):
         return []
     return [

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Floats, Ints
 
 SAME_MM = 1.1e-3  # points nearer than this are one point: files keep three decimals
 CLOSED_MM = 2e-3  # a gap shorter than this is none
@@ -37,17 +37,17 @@ class Moved(NamedTuple):
 
     contour: int
     entry: int
-    path: NDArray[np.float64]  # (k, 3) from the entry on
+    path: Floats  # (k, 3) from the entry on
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
     """What a loop lays down on its way from another vertex."""
 
-    points: NDArray[np.float64]  # (k, 3)
-    extrusion: NDArray[np.float64]  # (k,) of the segment ending here
-    feed: NDArray[np.float64]  # (k,)
-    rows: NDArray[np.int64]  # (k,) point of the source whose segment's state it has
+    points: Floats  # (k, 3)
+    extrusion: Floats  # (k,) of the segment ending here
+    feed: Floats  # (k,)
+    rows: Ints  # (k,) point of the source whose segment's state it has
 
 
 def run_of(contours: Contours, moved: Moved) -> Run | str:
@@ -78,6 +78,32 @@ def run_of(contours: Contours, moved: Moved) -> Run | str:
     return _filled(contours, moved, rows[:m], path, share)
 
 
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """What a print action lays down, segment by segment in its direction."""
+
+    points: Floats  # (k, 3)
+    extrusion: Floats  # (k - 1,)
+    feed: Floats  # (k - 1,)
+    rows: Ints  # (k - 1,) point of the source whose segment's state each has
+
+
+def laid_by(contours: Contours, actions: HeadActions, action: int) -> Laid | str:
+    """Return what a print action lays down, or in words why it may not run so."""
+    contour, entry = int(actions.contour[action]), int(actions.entry[action])
+    step = -1 if actions.reversed[action] else 1
+    if entry:
+        run = run_of(contours, Moved(contour, entry, actions.action_path(action)[::step]))
+        if isinstance(run, str):
+            return run
+    else:
+        rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
+        run = Run(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
+    return Laid(
+        run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], run.rows[1:][::step]
+    )
+
+
 def _forbidden(contours: Contours, contour: int, entry: int) -> str:
     """Return why a contour may not be entered at this vertex, or nothing."""
     size = int(contours.offsets[contour + 1] - contours.offsets[contour])
@@ -94,7 +120,7 @@ def _forbidden(contours: Contours, contour: int, entry: int) -> str:
     return ""
 
 
-def _ring(contours: Contours, first: int, last: int, entry: int) -> NDArray[np.int64]:
+def _ring(contours: Contours, first: int, last: int, entry: int) -> Ints:
     """Return the rows a loop passes from one vertex round to the same vertex.
 
     A row stands for the segment that ends there; `CLOSING` for the one over the old gap.
@@ -107,18 +133,12 @@ def _ring(contours: Contours, first: int, last: int, entry: int) -> NDArray[np.i
     ).astype(np.int64)
 
 
-def _lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lengths(points: Floats) -> Floats:
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _filled(
-    contours: Contours,
-    moved: Moved,
-    rows: NDArray[np.int64],
-    path: NDArray[np.float64],
-    share: float,
-) -> Run | str:
+def _filled(contours: Contours, moved: Moved, rows: Ints, path: Floats, share: float) -> Run | str:
     """Return the run with its filament: the old gap gets what the new one leaves out."""
     first, last = (int(contours.offsets[moved.contour + k]) - k for k in (0, 1))
     closing = rows == CLOSING
@@ -165,7 +185,7 @@ def seams_of_file(ours: Contours, source: Contours) -> Iterator[Moved]:
     return seams_of_paths([ours.polyline(c) for c in range(len(ours))], source)
 
 
-def seams_of_paths(paths: Sequence[NDArray[np.float64]], source: Contours) -> Iterator[Moved]:
+def seams_of_paths(paths: Sequence[Floats], source: Contours) -> Iterator[Moved]:
     """Yield the paths, each (k, 3), that run a loop of the source from another vertex."""
     if not paths or not len(source):
         return
@@ -180,7 +200,7 @@ def seams_of_paths(paths: Sequence[NDArray[np.float64]], source: Contours) -> It
         yield from (moved for moved in found if moved is not None)
 
 
-def _entered(source: Contours, vertices: cKDTree, path: NDArray[np.float64]) -> Moved | None:
+def _entered(source: Contours, vertices: cKDTree, path: Floats) -> Moved | None:
     """Return which loop of the source a path runs, and from where; None if it runs none."""
     for row in vertices.query_ball_point(path[0], 2 * SAME_MM):
         contour = int(np.searchsorted(source.offsets, row, side="right")) - 1
@@ -190,7 +210,7 @@ def _entered(source: Contours, vertices: cKDTree, path: NDArray[np.float64]) -> 
     return None
 
 
-def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, NDArray[np.int64]]:
+def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, Ints]:
     """Return the job with loops as they are run, and whose machine state each point has.
 
     Those that may not run so stay as sliced, and will be missed.
@@ -251,9 +271,7 @@ def motions_with(source: Motions, contours: Contours, seams: Iterable[Moved]) ->
     return _swapped(source, rows, swaps)
 
 
-def _swapped(
-    source: Motions, rows: NDArray[np.int64], swaps: list[tuple[int, Run, NDArray[np.float64]]]
-) -> Motions:
+def _swapped(source: Motions, rows: Ints, swaps: list[tuple[int, Run, Floats]]) -> Motions:
     """Return these moves of a source; from each place on runs with a bare move around them."""
     ends, extrusion = source.points[rows + 1], np.asarray(source.extrusion)[rows]
     contour = np.asarray(source.contour)[rows]

@@ -97,10 +97,10 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
         "weld_median_s": median(ages) if ages else 0.0,
         "weld_most_s": max(ages, default=0.0),
     }
-    said = dict(stated) if isinstance(stated, dict) else {"cut": stated}
+    figures = dict(stated) if isinstance(stated, dict) else {"cut": stated}
     lines = [
         f"cut.{name} is stated as {value}, the plan has {due.get(name, 'no such figure')}"
-        for name, value in said.items()
+        for name, value in figures.items()
         if not _alike(value, due.get(name))
     ]
     return listed(FaultKind.WELD, lines)

@@ -7,17 +7,19 @@ would come early to its point is delayed, so that both are there at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from decmcts.print.machine import Head, Machine
+from sim.arrays import Floats, Ints
 from sim.controllers.carry_out import HeadRun, Run
 from sim.controllers.compiled import compiled
-from sim.controllers.nearness import Shape, gap_between, rails_between, shape_of, slack_between
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops
+from sim.controllers.nearness import Shape, gap_between, rail_rows, shape_of, slack_between
+from sim.controllers.program import HeadProgram, StopKind, Stops
 from sim.controllers.timing import Error, no_error
+from sim.heads.sync import Knowledge, Sync
 
 CANDIDATES = 400  # pairs of legs whose boxes are nearest, for each two heads;
 PAIRS = 20  # of them those whose points are nearest are tried
@@ -27,14 +29,14 @@ def adversaries(
     programs: Sequence[HeadProgram], run: Run, machine: Machine, heads: Sequence[Head]
 ) -> Iterator[list[Error]]:
     """Yield errors of all heads that make the nearest points meet; `run` is without errors."""
-    clocks = _clocks(programs)
     legs = [_legs(program) for program in programs]
+    clocks = _clocks(programs, [above for _, _, above in legs])
     boxes = [_boxes(program, *leg) for program, leg in zip(programs, legs, strict=True)]
     for a, b in combinations(range(len(programs)), 2):
         shapes = shape_of(heads[a]), shape_of(heads[b])
         reach = np.stack([shapes[1].box[0] - shapes[0].box[1], shapes[0].box[0] - shapes[1].box[1]])
         reach[~np.isfinite(reach)] = 0.0  # heads without a shape
-        rails, clear = rails_between(machine, heads[a], heads[b]), machine.head_clearance_mm
+        rails, clear = rail_rows(machine, heads[a], heads[b]), machine.head_clearance_mm
         pairs, gaps = np.zeros((CANDIDATES, 2), np.int64), np.full(CANDIDATES, np.inf)
         _nearest(
             boxes[a], boxes[b], clocks[a][:, b], clocks[b][:, a], reach, rails, clear, pairs, gaps
@@ -77,43 +79,29 @@ def _boxes(program: HeadProgram, first: Ints, end: Ints, above: Ints) -> Floats:
     return np.array(found).reshape(-1, 2, 3)
 
 
-def _clocks(programs: Sequence[HeadProgram]) -> list[Ints]:
-    """Return for each leg of each head how many legs of every head must have ended before it."""
-    n = len(programs)
-    legs = [_legs(program) for program in programs]
-    known = [np.zeros(n, np.int64) for _ in programs]
-    given: dict[int, Ints] = {}
-    clocks = [np.zeros((len(leg[0]), n), np.int64) for leg in legs]
-    leg_of = [np.searchsorted(leg[2], np.arange(len(p.stops) + 1)) for leg, p in
-              zip(legs, programs, strict=True)]  # fmt: skip
-    for h in range(n):
-        _fill(clocks[h], leg_of[h], 0, known[h])
-    done, moved = [0] * n, True
-    while moved:
-        moved = False
-        for h, program in enumerate(programs):
-            stops = program.stops
-            while (j := done[h]) < len(stops) and not _unknown(stops, j, given):
-                known[h] = known[h].copy()
-                known[h][h] = leg_of[h][j + 1]
-                kind, number = int(stops.kind[j]), int(stops.number[j])
-                if kind in (StopKind.SIGNAL, StopKind.PASS):
-                    given[number] = known[h]
-                elif kind == StopKind.WAIT:
-                    known[h] = np.maximum(known[h], given[number])
-                _fill(clocks[h], leg_of[h], j + 1, known[h])
-                done[h], moved = j + 1, True
-    return clocks
+def _clocks(programs: Sequence[HeadProgram], above: Sequence[Ints]) -> list[Ints]:
+    """Return for each leg of each head how many legs of every head must have ended before it.
+
+    `above` are the stops above each leg; a stop is a line for what sync points order.
+    """
+    known = Knowledge([list(_syncs(program.stops)) for program in programs])
+    ended = [
+        np.searchsorted(own, np.arange(len(program.stops) + 1))
+        for own, program in zip(above, programs, strict=True)
+    ]
+    return [
+        np.array(
+            [[legs[known.done(h, k + 1, g)] for g, legs in enumerate(ended)] for k in own.tolist()],
+            np.int64,
+        ).reshape(-1, len(programs))
+        for h, own in enumerate(above)
+    ]
 
 
-def _unknown(stops: Stops, j: int, given: Mapping[int, Ints]) -> bool:
-    return stops.kind[j] == StopKind.WAIT and int(stops.number[j]) not in given
-
-
-def _fill(clocks: Ints, leg_of: Ints, stop: int, known: Ints) -> None:
-    """Write what is known behind a stop to the leg that follows it, in place."""
-    if stop < len(leg_of) and leg_of[stop] < len(clocks):
-        clocks[leg_of[stop]] = known
+def _syncs(stops: Stops) -> Iterator[Sync]:
+    for line, (kind, number) in enumerate(zip(stops.kind, stops.number, strict=True), 1):
+        if kind in (StopKind.SIGNAL, StopKind.PASS, StopKind.WAIT):
+            yield Sync(line, kind != StopKind.WAIT, int(number))
 
 
 @compiled

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, PlanDocument
-from sim.controllers.program import STILL_MM, Floats, HeadProgram, Ints
+from sim.arrays import Flags, Floats, Ints
+from sim.controllers.program import STILL_MM, HeadProgram
 
 BEFORE = -1  # number of all that stands on the bed before the print begins
 TRAVEL = -2  # number of moves that print nothing: they touch nothing in the source
@@ -32,8 +32,8 @@ class Beads:
     layer: Ints  # (m,) of the source; NO_LAYER: not known
     height: Floats  # (m,) mm of its bead
     half: Floats  # (m,) mm, half of its bead's width; 0: the centreline counts
-    lays: NDArray[np.bool_]  # (m,) whether it lays a bead
-    looked_at: NDArray[np.bool_]  # (m,) whether it may not touch the print
+    lays: Flags  # (m,) whether it lays a bead
+    looked_at: Flags  # (m,) whether it may not touch the print
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from decmcts.print.brief import brief
+from sim.arrays import Floats, Ints
 from sim.controllers.compiled import compiled
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
+from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error
 
 _DWELL, _WAIT, _SIGNAL, _PASS, _REST, _TELL, _HEAT = map(int, StopKind)
@@ -49,7 +50,7 @@ def carry_out(
     """Carry out programs whose moves take so many seconds, (m,) each, with errors of time."""
     first = np.cumsum([0, *(len(p.stops) + 1 for p in programs)]).astype(np.int64)
     kind, number, value, work = (np.zeros(first[-1], t) for t in (np.int64, np.int64, float, float))
-    late = [_late(s, e) for s, e in zip(seconds, error, strict=True)]
+    late = [s * e.factor + e.stall_s for s, e in zip(seconds, error, strict=True)]
     for h, program in enumerate(programs):
         rows = slice(int(first[h]) + 1, int(first[h + 1]))
         stops, cumulated = program.stops, np.concatenate([[0.0], np.cumsum(late[h])])
@@ -78,10 +79,6 @@ def carry_out(
         (h, int(done[h]) - 1) for h in range(len(programs)) if done[h] < first[h + 1] - first[h]
     ]
     return Run(heads, tuple(stuck))
-
-
-def _late(seconds: Floats, error: Error) -> Floats:
-    return seconds * error.factor + error.stall_s
 
 
 def _head_run(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
-from sim.controllers.program import StopKind
+from sim.controllers.program import StopKind, place_of
 from sim.controllers.simulate import Simulation
 
 
@@ -21,8 +21,7 @@ def events_of(simulation: Simulation, problem: str = "") -> EventLog:
 def _events(simulation: Simulation) -> Iterator[PrintEvent]:
     zero = simulation.begin_s
     for h, (program, run) in enumerate(zip(simulation.programs, simulation.run.heads, strict=True)):
-        firsts = np.flatnonzero(np.diff(program.action, prepend=-1) != 0)
-        lasts = np.append(firsts[1:], len(program.action)) - 1
+        firsts, lasts = program.moves_of_actions()
         for i, k in zip(firsts.tolist(), lasts.tolist(), strict=True):
             action = int(program.action[i])
             for kind, move, times, point in (
@@ -31,7 +30,7 @@ def _events(simulation: Simulation) -> Iterator[PrintEvent]:
                 if zero <= times[move] < np.inf:
                     place = program.points[move + (kind == EventKind.ENDED)]
                     yield PrintEvent(
-                        kind, h, float(times[move]) - zero, action, point, _at(place),
+                        kind, h, float(times[move]) - zero, action, point, place_of(place),
                         line=int(program.line[move]),
                     )  # fmt: skip
         first_of = dict(zip(program.action[firsts].tolist(), firsts.tolist(), strict=True))
@@ -40,7 +39,7 @@ def _events(simulation: Simulation) -> Iterator[PrintEvent]:
             stop, time = int(program.stops.kind[j]), float(run.reached[j]) - zero
             if not 0.0 <= time < np.inf or move < 0:
                 continue
-            place = _at(program.points[program.stops.before[j]])
+            place = place_of(program.points[program.stops.before[j]])
             line, action = int(program.line[move]), int(program.action[move])
             if stop == StopKind.WAIT and run.by[j] >= 0:
                 by = int(run.by[j])
@@ -49,8 +48,3 @@ def _events(simulation: Simulation) -> Iterator[PrintEvent]:
                 point = int(program.stops.before[j]) - first_of[action]
                 if point > 0:
                     yield PrintEvent(EventKind.PASSED, h, time, action, point, place, line=line)
-
-
-def _at(point: np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float, float, float]:
-    x, y, z = point.tolist()
-    return x, y, z

@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Point
 from decmcts.print.plan import HeadActions, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
+from sim.arrays import Flags, Floats, Ints
 from sim.controllers.from_plan import HAIR_S, program_of_head
 from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Course, positions
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind
+from sim.controllers.program import HeadProgram, StopKind, place_of
 from sim.controllers.timing import Error, no_error
 
 Draw = Callable[[HeadProgram], Error]
@@ -67,7 +67,7 @@ class Work:
         return np.cumsum(self.profile.seconds[rows] * self.error.factor[rows])
 
     def events(self, action: int, head: int, begin_s: float) -> list[PrintEvent]:
-        """Return what is said of an action whose first move begins at a time."""
+        """Return what is reported of an action whose first move begins at a time."""
         ends = self.ends(action)
 
         def event(kind: EventKind, point: int) -> PrintEvent:
@@ -79,12 +79,12 @@ class Work:
 
     def corner(self, action: int, point: int = 0) -> Point:
         """Return a point of an action's path."""
-        return _place(self.program.points[int(self.first[action]) + point])
+        return place_of(self.program.points[int(self.first[action]) + point])
 
     def at(self, action: int, seconds: float) -> Point:
         """Return where the nozzle is so long after an action's first move began."""
         if action >= len(self) or seconds <= 0.0:
-            return _place(self.program.points[int(self.first[min(action, len(self))])])
+            return place_of(self.program.points[int(self.first[min(action, len(self))])])
         a, b = int(self.first[action]), int(self.first[action + 1])
         if a == b:
             return self.corner(action)
@@ -93,10 +93,10 @@ class Work:
             self.program.points[a : b + 1], ends - factor * its.seconds[a:b], ends,
             its.length[a:b], its.enters[a:b], its.leaves[a:b], its.top[a:b], its.rate[a:b], factor,
         )  # fmt: skip
-        return _place(positions(course, np.array([seconds]))[0])
+        return place_of(positions(course, np.array([seconds]))[0])
 
 
-def _stood(actions: HeadActions, program: HeadProgram, first: Ints, h: int) -> NDArray[np.bool_]:
+def _stood(actions: HeadActions, program: HeadProgram, first: Ints, h: int) -> Flags:
     """Tell which actions begin behind a rest for another head, (k,)."""
     waits = np.zeros(len(actions), np.bool_)
     for k in range(len(actions)):
@@ -124,7 +124,7 @@ class Feeding:
     off: bool = False
     action: int = 0
     begin_s: float = math.nan  # of the action's first move; NaN: it has not begun
-    _due: list[PrintEvent] = field(default_factory=list)  # of the action, not said yet
+    _due: list[PrintEvent] = field(default_factory=list)  # of the action, not reported yet
 
     @property
     def begun(self) -> bool:
@@ -196,9 +196,4 @@ class Feeding:
         """Return where the nozzle is."""
         if self.begun:
             return self.work.at(self.action, now_s - self.begin_s)
-        return _place(self.work.program.points[int(self.work.first[self.action])])
-
-
-def _place(point: Floats) -> Point:
-    x, y, z = point.tolist()
-    return x, y, z
+        return place_of(self.work.program.points[int(self.work.first[self.action])])

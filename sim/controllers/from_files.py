@@ -18,8 +18,9 @@ from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
 from decmcts.print.motion_kernels import FACTOR
+from sim.arrays import Floats, Ints
 from sim.controllers.heating import AMBIENT_C, Heaters
-from sim.controllers.program import Floats, HeadProgram, HotEnd, Ints, StopKind, Stops, stops_of
+from sim.controllers.program import HeadProgram, HotEnd, StopKind, Stops, stops_of
 from sim.heads.file import HeadFile, read_head_file
 from sim.heads.heat import degrees_of, heat_of
 

@@ -10,15 +10,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decmcts.print.contours import Contours
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
 from decmcts.print.signals import Place, places_of
-from sim.content.seams import Moved, run_of
+from sim.arrays import Floats, Ints
+from sim.content.seams import laid_by
 from sim.controllers.motion import QUEUE, profile_of
-from sim.controllers.program import Floats, HeadProgram, Ints, StopKind, Stops, stops_of
+from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
 
 HAIR_S = 1e-4  # by which an action may be shorter than the plan says
 Signals = dict[Place, int]  # index of the signal of each
@@ -74,30 +73,16 @@ def _of_prints(
     """
     contours, n = document.contours, len(actions.path)
     feed, filament, rate = np.full(n, limits.travel_feed), np.zeros(n), np.full(n, np.nan)
-    said = document.acceleration
+    stated = document.acceleration
     for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
-        begin, end = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
-        segments = _segments(contours, said, actions, a)
-        if len(segments) == end - begin - 1:  # a wrong path is the judge's to report
-            feed[begin + 1 : end], filament[begin + 1 : end], rate[begin + 1 : end] = segments.T
+        laid = laid_by(contours, actions, a)
+        rows = slice(int(actions.path_offsets[a]) + 1, int(actions.path_offsets[a + 1]))
+        if isinstance(laid, str) or len(laid.feed) != rows.stop - rows.start:
+            continue  # a wrong path is the judge's to report
+        feed[rows], filament[rows] = laid.feed, laid.extrusion
+        if stated is not None:
+            rate[rows] = stated[laid.rows]
     return feed, filament, rate
-
-
-def _segments(contours: Contours, said: Floats | None, actions: HeadActions, action: int) -> Floats:
-    """Return feed, filament and acceleration of the segments of a print action, (k, 3)."""
-    contour, entry = int(actions.contour[action]), int(actions.entry[action])
-    step = -1 if actions.reversed[action] else 1
-    rows = np.arange(contours.offsets[contour] + 1, contours.offsets[contour + 1])
-    feed, filament = contours.feed[rows], contours.extrusion[rows]
-    if entry:
-        run = run_of(contours, Moved(contour, entry, actions.action_path(action)[::step]))
-        if isinstance(run, str):
-            return np.zeros((0, 3))
-        feed, filament = run.feed[1:], run.extrusion[1:]
-        rate = np.full(len(feed), np.nan) if said is None else said[run.rows[1:]]
-    else:
-        rate = np.full(len(rows), np.nan) if said is None else said[rows]
-    return np.column_stack([feed, filament, rate])[::step]
 
 
 def _limits(limits: MotionLimits, rate: Floats) -> tuple[tuple[MotionLimits, ...], Ints]:
@@ -107,9 +92,7 @@ def _limits(limits: MotionLimits, rate: Floats) -> tuple[tuple[MotionLimits, ...
     return tuple(replace(limits, acceleration=float(k)) for k in kinds), row.astype(np.int64)
 
 
-def _stops(
-    document: PlanDocument, h: int, signals: Signals, action: NDArray[np.int64], motion: Floats
-) -> Stops:
+def _stops(document: PlanDocument, h: int, signals: Signals, action: Ints, motion: Floats) -> Stops:
     """Return what stands between the moves of one head."""
     actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
     at_rest = document.machine.release == "action"

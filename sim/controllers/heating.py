@@ -1,7 +1,7 @@
 """How long commands wait for a temperature.
 
 Heaters are taken to warm evenly, and to cool evenly too: as 40 W hot ends and mains or 24 V beds of
-common printers do on the way to printing temperatures. What start code waits for is said apart
+common printers do on the way to printing temperatures. What start code waits for is stated apart
 from the makespan, since no file states it.
 """
 

@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
 from decmcts.print.machine import MotionLimits
+from sim.arrays import Flags, Floats, Ints
 from sim.controllers.compiled import compiled
-from sim.controllers.program import Floats, HeadProgram, Ints
+from sim.controllers.program import HeadProgram
 
 QUEUE = 16  # moves, as Marlin's
 AXES = 4  # x, y, z and filament
@@ -107,7 +107,7 @@ def _shape(
 
 @compiled
 def _corners(
-    points: Floats, filament: Floats, row: Ints, rows: Floats, rests: NDArray[np.bool_],
+    points: Floats, filament: Floats, row: Ints, rows: Floats, rests: Flags,
     found: Floats, safe: Floats, joint: Floats,
 ) -> None:  # fmt: skip
     """Write the most speed between moves i - 1 and i into `joint`, (m + 1,)."""

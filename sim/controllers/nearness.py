@@ -14,15 +14,16 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine
+from sim.arrays import Flags, Floats, Ints
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.compiled import compiled
 from sim.controllers.motion import Profile
 from sim.controllers.polygons import polygon_gap
-from sim.controllers.program import Floats, HeadProgram, Ints
+from sim.controllers.program import HeadProgram
 from sim.controllers.timing import Error
+from sim.replay.shapes import parts_of, rails_between
 
 CLOSEST_MM = 0.02  # the least distance is found to within this,
 CHART_MM = 0.5  # that of each span of time for charts,
@@ -55,7 +56,7 @@ class Shape(NamedTuple):
     low: Floats  # (k,)
     high: Floats  # (k,)
     sides: Floats  # (k, 2, 2) least and most x and y of each
-    upright: NDArray[np.bool_]  # (k,) each that is its own box: a rectangle along the axes
+    upright: Flags  # (k,) each that is its own box: a rectangle along the axes
     box: Floats  # (2, 3) least and most of all
 
 
@@ -95,12 +96,9 @@ def course_of(program: HeadProgram, profile: Profile, error: Error, run: HeadRun
 
 def shape_of(head: Head) -> Shape:
     """Return the prisms of a head; its slices fill all above them."""
-    polygons = [np.asarray(p, float) for part in head.slices for p in part.polygons]
-    heights = [(part.height_mm, TALL_MM) for part in head.slices for _ in part.polygons]
-    for body in head.bodies:
-        (x, y, z), (to_x, to_y, to_z) = body.minimum, body.maximum
-        polygons.append(np.array([[x, y], [to_x, y], [to_x, to_y], [x, to_y]]))
-        heights.append((z, to_z))
+    parts = parts_of(head)
+    polygons = [part.polygon for part in parts]
+    heights = [(part.low, TALL_MM if part.slice else part.high) for part in parts]
     if not polygons:
         return Shape(np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0),
                      np.zeros((0, 2, 2)), np.zeros(0, np.bool_),
@@ -141,7 +139,7 @@ def _pair(
     shapes: Sequence[Shape], span: tuple[float, float],
 ) -> Near:  # fmt: skip
     a, b = pair
-    rails = rails_between(machine, heads[a], heads[b])
+    rails = rail_rows(machine, heads[a], heads[b])
     fastest = sum(float((courses[h].top / courses[h].slow).max(initial=0.0)) for h in pair)
     bins, least = np.full(BINS, np.inf), np.full(9, np.inf)
     found = np.zeros((MOST_CONTACTS, 10))
@@ -154,15 +152,9 @@ def _pair(
     return Near(pair, gap, time_s, _two(least[3:9].tolist()), rail, bins, contacts)
 
 
-def rails_between(machine: Machine, a: Head, b: Head) -> Floats:
+def rail_rows(machine: Machine, a: Head, b: Head) -> Floats:
     """Return axis, side of b as a sign and least separation of the rails of two heads, (r, 3)."""
-    rows = [
-        (rail.axis, 1.0 if j > i else -1.0, abs(j - i) * rail.separation_mm)
-        for rail in machine.rails
-        if {a.name, b.name} <= set(rail.order)
-        for i, j in [(rail.order.index(a.name), rail.order.index(b.name))]
-    ]
-    return np.array(rows, np.float64).reshape(-1, 3)
+    return np.array(rails_between(machine, a, b), np.float64).reshape(-1, 3)
 
 
 def _contact(pair: tuple[int, int], row: Sequence[float]) -> Contact:

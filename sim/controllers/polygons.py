@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from sim.arrays import Floats
 from sim.controllers.compiled import compiled
-from sim.controllers.program import Floats
 
 
 @compiled

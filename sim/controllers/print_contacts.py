@@ -1,7 +1,7 @@
 """Contacts of heads with what is printed at that time.
 
 Moves are looked at in the order in which they end. Each is held against the print as it then
-stands (`print_heights`), part of the head by part, and then its own bead is laid
+stands, part of the head by part, and then its own bead is laid
 (`print_search`). A cell of the print has one point, its highest. So a contact is never made up,
 and one may be missed that is less deep than a cell at the edge of a part. Nobody lays a bead within
 a head that stands still: the other's nozzle would be there.
@@ -17,12 +17,13 @@ import numpy as np
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
+from sim.arrays import Floats, Ints
 from sim.controllers.beads import BEFORE, NO_LAYER, Beads, Material
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.nearness import shape_of
-from sim.controllers.print_heights import bare
-from sim.controllers.print_search import COLUMNS, Moves, Parts, go_through
-from sim.controllers.program import Floats, HeadProgram, Ints
+from sim.controllers.print_search import COLUMNS, Moves, Parts, bare, go_through
+from sim.controllers.program import HeadProgram
+from sim.replay.shapes import parts_of
 
 WIDER_MM = 5.0  # a head counts as wider from here above the tip at the latest
 MOST = 100  # contacts of a run: then no more is looked for
@@ -64,7 +65,7 @@ def print_contacts(
     order = order[: np.searchsorted(moves.end[order], end_s, side="right")]
     found = np.zeros((MOST, COLUMNS))
     n = go_through(order, moves, parts, heights, len(heads), found)
-    names = [_part_names(head) for head in heads]
+    names = [[part.name for part in parts_of(head)] for head in heads]
     first = np.cumsum([0, *(len(program.feed) for program in programs)])
     return tuple(_contact(row, programs, material, moves, names, first) for row in found[:n])
 
@@ -117,11 +118,9 @@ def _joined(every: Sequence[Moves]) -> Moves:
 
 def _parts(heads: Sequence[Head], clearance_mm: float) -> Parts:
     shapes = [shape_of(head) for head in heads]
-    slices = [sum(len(part.polygons) for part in head.slices) for head in heads]
     sizes = [np.diff(shape.offsets) for shape in shapes]
     reach = [
-        np.where(np.arange(len(shape.low)) < n, clearance_mm, 0.0)
-        for shape, n in zip(shapes, slices, strict=True)
+        np.array([clearance_mm if part.slice else 0.0 for part in parts_of(head)]) for head in heads
     ]
     wider = [min([WIDER_MM, *shape.low[shape.low > 0.0].tolist()]) for shape in shapes]
     return Parts(
@@ -131,12 +130,6 @@ def _parts(heads: Sequence[Head], clearance_mm: float) -> Parts:
         np.concatenate([shape.low for shape in shapes]),
         np.concatenate(reach), np.array(wider),
     )  # fmt: skip
-
-
-def _part_names(head: Head) -> list[str]:
-    """Return the names of a head's parts, in the order of its shape."""
-    slices = [f"slice at {part.height_mm:g} mm" for part in head.slices for _ in part.polygons]
-    return [*slices, *(body.name for body in head.bodies)]
 
 
 def _contact(

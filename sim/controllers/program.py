@@ -10,16 +10,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
 from decmcts.print.idle import HEAT_C_S
-from decmcts.print.machine import MotionLimits
+from decmcts.print.machine import MotionLimits, Point
+from sim.arrays import Flags, Floats, Ints
 from sim.controllers.heating import AMBIENT_C, COOL_C_S
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 
 STILL_MM = 1e-6  # filament that is none
 
@@ -49,7 +45,7 @@ class Stops:
         return len(self.kind)
 
     @property
-    def rests(self) -> NDArray[np.bool_]:
+    def rests(self) -> Flags:
         """Whether the head is at rest there, (j,)."""
         return np.asarray((self.kind != StopKind.PASS) & (self.kind != StopKind.TELL))
 
@@ -76,7 +72,7 @@ class HeadProgram:
     feed: Floats  # (m,) mm/s; 0: takes no time
     row: Ints  # (m,) which of `limits` hold
     limits: tuple[MotionLimits, ...]
-    rest: NDArray[np.bool_]  # (m,) the head is at rest before the move, whatever stands there
+    rest: Flags  # (m,) the head is at rest before the move, whatever stands there
     action: Ints  # (m,) number of the plan's action; of files, of the stretch between two rests
     line: Ints  # (m,) line of the file, from 1; 0: none
     stops: Stops
@@ -88,7 +84,7 @@ class HeadProgram:
     __repr__ = brief("name", "points", "stops.kind")
 
     @property
-    def prints(self) -> NDArray[np.bool_]:
+    def prints(self) -> Flags:
         """Which moves lay a bead, (m,)."""
         moves = np.linalg.norm(np.diff(self.points, axis=0), axis=1) > 0.0
         return np.asarray((self.filament > STILL_MM) & moves)
@@ -99,12 +95,23 @@ class HeadProgram:
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1)[self.prints].sum())
 
     @property
-    def rests(self) -> NDArray[np.bool_]:
+    def rests(self) -> Flags:
         """Whether the head is at rest before each move, (m,)."""
         rests = self.rest.copy()
         before = self.stops.before[self.stops.rests]
         rests[before[before < len(rests)]] = True
         return rests
+
+    def moves_of_actions(self) -> tuple[Ints, Ints]:
+        """Return the first and the last move of each action that has any."""
+        firsts = np.flatnonzero(np.diff(self.action, prepend=-1) != 0)
+        return firsts, np.append(firsts[1:], len(self.action)) - 1
+
+
+def place_of(point: Floats) -> Point:
+    """Return a point, (3,) mm, as plain numbers."""
+    x, y, z = point.tolist()
+    return x, y, z
 
 
 def stops_of(rows: list[tuple[int, int, int, float]]) -> Stops:

@@ -6,21 +6,24 @@ The first run has no error of time; all else that is reported of heads is of tha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
+from decmcts.print.plan import ActionKind, PlanDocument
+from sim.arrays import Floats
 from sim.controllers.adversary import adversaries
 from sim.controllers.beads import Material
 from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Contact, Near, course_of, nearness, positions
 from sim.controllers.print_contacts import PrintContact, print_contacts
-from sim.controllers.program import Floats, HeadProgram, StopKind
+from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
-from sim.rules.cooling import TooSoon
+from sim.rules.cooling import TooSoon, too_soon_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,26 +149,18 @@ def simulate(
     rest_s = machine.rest_s if len(programs) > 1 else 0.0
     seconds = [profile.seconds for profile in profiles]
 
-    def trial(name: str, errors: Sequence[Error], run: Run) -> Trial:
-        found = _trial(name, programs, profiles, errors, run, machine, heads)
-        touched: tuple[PrintContact, ...] = ()
-        if material is not None and (len(programs) > 1 or run is nominal):
-            touched = _on_print(programs, run, machine, heads, material)
-        return replace(found, too_soon=too_soon(run), on_print=touched)
-
     errors = [no_error(program) for program in programs]
     nominal = carry_out(programs, seconds, errors, rest_s)
-    found = [trial("no error", errors, nominal)]
+    judged = partial(_trial, programs, profiles, machine, heads, too_soon)
+    found = [judged("no error", errors, nominal, material)]
+    again = material if len(programs) > 1 else None
     drawn = _errors(programs, nominal, machine, heads, timing, size, trials, seed)
     expected = trials if timing not in (Timing.NONE, Timing.ADVERSARIAL) else 0
     for name, errors in drawn:
         told(found, expected)
-        found.append(trial(name, errors, carry_out(programs, seconds, errors, rest_s)))
-    begin, end, waits = (
-        _begin(programs, nominal),
-        _end(programs, nominal),
-        _waits(programs, nominal),
-    )
+        found.append(judged(name, errors, carry_out(programs, seconds, errors, rest_s), again))
+    begin, end = _begin(programs, nominal), _end(programs, nominal)
+    waits = _waits(programs, nominal)
     figures = tuple(
         _figures(nominal, h, program, begin, end, waits) for h, program in enumerate(programs)
     )
@@ -201,25 +196,21 @@ def _errors(
 
 
 def _trial(
-    name: str, programs: Sequence[HeadProgram], profiles: Sequence[Profile],
-    errors: Sequence[Error], run: Run, machine: Machine, heads: Sequence[Head],
+    programs: Sequence[HeadProgram], profiles: Sequence[Profile], machine: Machine,
+    heads: Sequence[Head], soon: Callable[[Run], tuple[TooSoon, ...]], name: str,
+    errors: Sequence[Error], run: Run, material: Material | None,
 ) -> Trial:  # fmt: skip
+    """Return what one run came to; without `material` the print is not looked at."""
     courses = [course_of(*each) for each in zip(programs, profiles, errors, run.heads, strict=True)]
-    end = _end(programs, run)
-    begin = _begin(programs, run)
-    until = end if np.isfinite(end) else _last_move(run)
-    return Trial(name, end - begin, nearness(machine, heads, courses, begin, until), run.stuck)
-
-
-def _on_print(
-    programs: Sequence[HeadProgram], run: Run, machine: Machine, heads: Sequence[Head],
-    material: Material,
-) -> tuple[PrintContact, ...]:  # fmt: skip
-    end = _end(programs, run)
-    return print_contacts(
-        programs, run.heads, heads, material, clearance_mm=machine.clearance_mm,
-        begin_s=_begin(programs, run), end_s=end if np.isfinite(end) else _last_move(run),
-    )  # fmt: skip
+    begin, end = _begin(programs, run), _end(programs, run)
+    until, touched = end if np.isfinite(end) else _last_move(run), tuple[PrintContact, ...]()
+    if material is not None:
+        touched = print_contacts(
+            programs, run.heads, heads, material, clearance_mm=machine.clearance_mm,
+            begin_s=begin, end_s=until,
+        )  # fmt: skip
+    near = nearness(machine, heads, courses, begin, until)
+    return Trial(name, end - begin, near, run.stuck, soon(run), touched)
 
 
 def _last_move(run: Run) -> float:
@@ -297,3 +288,17 @@ def _waits_of(program: HeadProgram, run: Run, h: int) -> list[Wait]:
                  int(program.action[move]))
         )  # fmt: skip
     return found
+
+
+def too_soon(
+    document: PlanDocument, programs: Sequence[HeadProgram], run: Run
+) -> tuple[TooSoon, ...]:
+    """Return what a run of a plan's own actions prints over sooner than the plan's rule allows."""
+    begin, end = np.full((2, len(document.contours)), np.inf)
+    for actions, program, head in zip(document.plan.heads, programs, run.heads, strict=True):
+        firsts, lasts = program.moves_of_actions()
+        own = program.action[firsts]
+        prints = actions.kind[own] == ActionKind.PRINT
+        contours = actions.contour[own[prints]]
+        begin[contours], end[contours] = head.begin[firsts[prints]], head.end[lasts[prints]]
+    return tuple(too_soon_in(document, begin, end))

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sim.controllers.program import Floats, HeadProgram
+from sim.arrays import Floats, Ints
+from sim.controllers.program import HeadProgram
 
 LEAST_FACTOR = 0.2  # of the due time, whatever is drawn
 STALL_SHARE, STALL_S, STALL_TAIL = 0.01, 0.5, 1.5  # of actions, scale and exponent of Pareto
@@ -45,11 +45,7 @@ def no_error(program: HeadProgram) -> Error:
 
 def draw(timing: Timing, program: HeadProgram, size: float, rng: np.random.Generator) -> Error:
     """Draw the error of one head; `size` is the share by which times may be off (0.2: 20 %)."""
-    return _DRAWS.get(timing, _none)(program, size, rng)
-
-
-def _none(program: HeadProgram, _size: float, _rng: np.random.Generator) -> Error:
-    return no_error(program)
+    return _DRAWS[timing](program, size, rng) if timing in _DRAWS else no_error(program)
 
 
 def _uniform(program: HeadProgram, size: float, rng: np.random.Generator) -> Error:
@@ -77,7 +73,7 @@ def _drift(program: HeadProgram, size: float, rng: np.random.Generator) -> Error
     return Error(np.maximum(factor, LEAST_FACTOR)[of], np.zeros(len(of)))
 
 
-def _actions(program: HeadProgram) -> tuple[int, NDArray[np.int64]]:
+def _actions(program: HeadProgram) -> tuple[int, Ints]:
     """Return how many actions have moves, and which of them each move is of, (m,)."""
     of = np.cumsum(np.diff(program.action, prepend=program.action[:1]) != 0)
     return int(of[-1]) + 1 if len(of) else 0, of.astype(np.int64)

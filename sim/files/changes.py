@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.print.job import PrintJob
+from sim.arrays import Floats, Ints
 from sim.files.command_book import command_in
 
 ALIKE_MM = 2e-3  # of filament; what differs less is alike: files round off
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +68,62 @@ def as_taken(printed: Ints, job: PrintJob, document: GcodeDocument, moves: Motio
         return None
     begins = np.diff(row, prepend=row[:1]) != 0
     changes = ~begins & (np.diff(tool, prepend=tool[:1]) != 0)
-    places = np.flatnonzero(begins | changes).tolist()
-    number = np.cumsum(begins | changes)
-    due = _Due(document, loose, job, stretch)
-    for k in places:
-        pair = (int(tool[k - 1]), int(tool[k])) if changes[k] else None
-        if not due.place(int(number[k]), pair, int(row[k])):
-            return None
-    due.rest(int(number[-1]) + 1)
+    places, number = np.flatnonzero(begins | changes), np.cumsum(begins | changes)
+    first = np.full(int(stretch.max()) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(first, stretch, np.asarray(job.contours.epoch, np.int64))
+    pairs = [(int(tool[k - 1]), int(tool[k])) if changes[k] else None for k in places]
+    made = _made(document, loose, number[places].tolist(), pairs, first[row[places]].tolist())
+    if made is None:
+        return None
     epoch = np.zeros(len(job.contours), np.int32)
     epoch[printed] = number
-    return due.taken(epoch)
+    return _taken(job, document, loose, made, epoch)
+
+
+def _made(
+    document: GcodeDocument, loose: frozenset[int], numbers: list[int],
+    pairs: list[tuple[int, int] | None], firsts: list[int],
+) -> list[tuple[int, int]] | None:  # fmt: skip
+    """Return the blocks that a file has to have, in its order: epoch of the file, and which it is.
+
+    None where it changes tools as the source never does.
+
+    Parameters
+    ----------
+    numbers
+        Epochs of the file that begin with a change of tools, or in another stretch.
+    pairs
+        Which tools change there; None: a stretch begins.
+    firsts
+        The least epoch of the source in each's stretch.
+    """
+    blocks, made, stood = document.blocks, list[tuple[int, int]](), 0
+    walls = [k for k in range(len(blocks)) if k not in loose]
+    of_pair = {(blocks[k].begin.tool, blocks[k].end.tool): k for k in sorted(loose, reverse=True)}
+    for number, pair, first in zip(numbers, pairs, firsts, strict=True):
+        if pair is None:
+            while stood < len(walls) and blocks[walls[stood]].epoch <= first:
+                made.append((number, walls[stood]))
+                stood += 1
+        elif pair in of_pair:
+            made.append((number, of_pair[pair]))
+        else:
+            return None
+    last = numbers[-1] if numbers else 0
+    return made + [(last + 1, wall) for wall in walls[stood:]]  # below the last bead
+
+
+def _taken(
+    job: PrintJob, document: GcodeDocument, loose: frozenset[int], made: list[tuple[int, int]],
+    epoch: NDArray[np.int32],
+) -> Taken:  # fmt: skip
+    """Return the source with these blocks, and these epochs of its contours."""
+    blocks = document.blocks
+    refills = {e for e, k in made if blocks[k].epoch in job.refills}
+    job = replace(job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills)))
+    anew = tuple(replace(blocks[k], epoch=e) for e, k in made)
+    which = np.array([k for _, k in made], np.int64)
+    return Taken(job, replace(document, blocks=anew), document, which, loose)
 
 
 def _stretches(job: PrintJob, document: GcodeDocument, loose: frozenset[int]) -> Ints:
@@ -88,53 +132,6 @@ def _stretches(job: PrintJob, document: GcodeDocument, loose: frozenset[int]) ->
     epochs = np.asarray(job.contours.epoch, np.int64)
     own = [e for e in np.unique(epochs).tolist() if e not in of_loose and e > 0]
     return np.asarray(np.searchsorted(np.array(own, np.int64), epochs, side="right"))
-
-
-class _Due:
-    """The blocks that a file has to have, from its first line to its last."""
-
-    def __init__(
-        self, document: GcodeDocument, loose: frozenset[int], job: PrintJob, stretch: Ints
-    ) -> None:
-        self._document, self._loose, self._job = document, loose, job
-        blocks = document.blocks
-        pairs = [((blocks[k].begin.tool, blocks[k].end.tool), k) for k in sorted(loose)]
-        self._of_pair = dict(reversed(pairs))
-        self._walls = [k for k in range(len(blocks)) if k not in loose]
-        self._first = np.full(int(stretch.max()) + 1, np.iinfo(np.int64).max)
-        np.minimum.at(self._first, stretch, np.asarray(job.contours.epoch, np.int64))
-        self._made: list[tuple[int, int]] = []  # epoch in the file, and block of the source
-        self._stood = 0  # walls so far
-
-    def place(self, epoch: int, pair: tuple[int, int] | None, stretch: int) -> bool:
-        """Let tools change, or without `pair` a stretch begin; False: how is not known."""
-        if pair is not None:
-            block = self._of_pair.get(pair)
-            self._made += [] if block is None else [(epoch, block)]
-            return block is not None
-        while self._stood < len(self._walls):
-            wall = self._walls[self._stood]
-            if self._document.blocks[wall].epoch > self._first[stretch]:
-                break
-            self._made.append((epoch, wall))
-            self._stood += 1
-        return True
-
-    def rest(self, epoch: int) -> None:
-        """Let all blocks stand that are left: below the last bead."""
-        self._made += [(epoch, wall) for wall in self._walls[self._stood :]]
-
-    def taken(self, epoch: NDArray[np.int32]) -> Taken:
-        """Return the source so, with these epochs of its contours."""
-        job, blocks = self._job, self._document.blocks
-        refills = {e for e, k in self._made if blocks[k].epoch in job.refills}
-        job = replace(
-            job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills))
-        )
-        anew = tuple(replace(blocks[k], epoch=e) for e, k in self._made)
-        which = np.array([k for _, k in self._made], np.int64)
-        document = replace(self._document, blocks=anew)
-        return Taken(job, document, self._document, which, self._loose)
 
 
 def _loose(document: GcodeDocument, moves: Motions) -> frozenset[int]:

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.commands import shown
 from sim.files.lines import no_comment_no_move
 
 _ROW = re.compile(rb"[^\n]++")
@@ -51,9 +52,9 @@ def check_book(text: bytes, source: bytes, more: Mapping[bytes, int] | None = No
     for command, times in due.items():
         times += (more or {}).get(command, 0)
         if has[command] < times and not _IN_OTHER_BOOKS.match(command):
-            said = "" if times == 1 else f", {times} times; here {has[command]}"
+            often = "" if times == 1 else f", {times} times; here {has[command]}"
             missing.append(
-                f"{_shown(command)} is missing (line {first[command]} of the source{said})"
+                f"{shown(command)} is missing (line {first[command]} of the source{often})"
             )
     return listed(FaultKind.COMMAND, missing[:LIMIT], total=len(missing))
 
@@ -66,7 +67,7 @@ def check_heads_book(texts: Sequence[bytes], source: bytes) -> list[Fault]:
     """
     has = {command for text in texts for _, command in commands_of(text)}
     missing = [
-        f"{_shown(command)} is in no head's file (line {line} of the source)"
+        f"{shown(command)} is in no head's file (line {line} of the source)"
         for line, command in commands_of(source)
         if not (_IN_OTHER_BOOKS.match(command) or _LEFT_OUT.match(command))
         and command not in has
@@ -96,7 +97,3 @@ def command_in(line: bytes) -> bytes:
     code = b" ".join(code.split())
     word = _WORD.match(code)
     return code if word is None else word[1].upper() + code[word.end() :]
-
-
-def _shown(command: bytes) -> str:
-    return f"'{command[:60].decode('utf-8', 'replace')}'"

@@ -14,12 +14,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
 from decmcts.formats.gcode.document import Block
 from decmcts.formats.gcode.text.lines import command_of
+from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import not_plain
 
@@ -46,8 +46,6 @@ _WITH_EXPONENT = re.compile(  # in a command that is acted on; a message or a na
     rb"|SET_(?!PRINT))[^;(]*?[0-9.]e[-+]?[0-9]"
 )
 _BLOCKS_ALONE = ("tool", "temperature")  # states that only verbatim blocks may set
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +80,16 @@ def check_commands(
     known = known_settings(document)
     for k in not_plain(text, _PLAIN):
         if _WITH_EXPONENT.match(rows[k].lstrip()):
-            lines.append(f"line {k + 1}: {_shown(rows[k])} has an exponent: firmwares differ in it")
+            lines.append(f"line {k + 1}: {shown(rows[k])} has an exponent: firmwares differ in it")
         if begin <= k < end and k not in taken and not accepted(rows[k], known):
-            lines.append(f"line {k + 1}: {_shown(rows[k])} is not in the source at this place")
+            lines.append(f"line {k + 1}: {shown(rows[k])} is not in the source at this place")
     found = listed(FaultKind.COMMAND, lines[:LIMIT], total=len(lines))
     return found, Verbatim(begin + 1, end + 1, tuple(spans))
+
+
+def codes_of(text: bytes) -> list[bytes]:
+    """Return the commands of a text."""
+    return [code for row in text.split(b"\n") if (code := command_of(row))]
 
 
 def commands(rows: Iterable[bytes]) -> list[tuple[int, bytes]]:
@@ -102,15 +105,15 @@ def match_start(rows: Sequence[bytes], preamble: bytes) -> tuple[int, list[str]]
             k += 1
         has = command_of(rows[k]) if k < len(rows) else b""
         if has != due:
-            wanted = f"the source's start code has {_shown(due)} there (its line {number + 1})"
-            return k, [f"line {k + 1}: {_shown(has)}, {wanted}"]
+            wanted = f"the source's start code has {shown(due)} there (its line {number + 1})"
+            return k, [f"line {k + 1}: {shown(has)}, {wanted}"]
         k += 1
     return k, []
 
 
 def match_end(rows: Sequence[bytes], postamble: bytes) -> tuple[int, list[str]]:
     """Return the line the end code begins at, and whether it differs from the source's."""
-    due = [code for _, code in commands(postamble.split(b"\n"))]
+    due = codes_of(postamble)
     k, has = len(rows), list[bytes]()
     while k > 0 and len(has) < len(due):
         k -= 1
@@ -136,7 +139,7 @@ def _find_blocks(
     spans: list[tuple[int, int] | None] = []
     for block in blocks:
         spans.append(None)
-        due = [code for _, code in commands(block.text.split(b"\n"))]
+        due = codes_of(block.text)
         if not due:
             continue
         k = int(np.searchsorted(sorted_epoch, block.epoch))
@@ -147,7 +150,7 @@ def _find_blocks(
         at = next((i for i in range(len(has)) if codes[i : i + len(due)] == due), -1)
         if at < 0:
             lines.append(
-                f"between lines {low} and {high + 1} there is no {_shown(due[0])} with all that "
+                f"between lines {low} and {high + 1} there is no {shown(due[0])} with all that "
                 f"follows it in the source (line {block.line}, {block.reason})"
             )
             continue
@@ -164,8 +167,7 @@ def known_settings(document: GcodeDocument) -> frozenset[bytes]:
     kept = [k for k, slot in enumerate(states.slots) if not slot.startswith(_BLOCKS_ALONE)]
     used = np.unique(states.rows[:, kept]).tolist() if kept else []
     texts = [text for k in used for text in (states.values[k], states.leave[k])]
-    rows = (row.encode("utf-8", "surrogateescape") for text in texts for row in text.split("\n"))
-    return frozenset(code for _, code in commands(rows))
+    return frozenset(codes_of("\n".join(texts).encode("utf-8", "surrogateescape")))
 
 
 def sets_state(code: bytes) -> bool:
@@ -194,7 +196,7 @@ def accepted(row: bytes, known: frozenset[bytes]) -> bool:
     return sets_state(code) and code in known
 
 
-def _shown(code: bytes) -> str:
+def shown(code: bytes) -> str:
     """Return a command for a message."""
     text = code.strip()[:60].decode("utf-8", "replace")
     return f"'{text}'" if text else "nothing"

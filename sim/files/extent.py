@@ -9,19 +9,17 @@ than the source goes; and nothing leaves the rectangle round bed, source and par
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Flags, Floats, Ints
 from sim.content.paths import SAME_MM, describe
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.printed_file import moving
 
 SIZE_MM = 0.01  # slicers round coordinates
-
-Floats = NDArray[np.float64]
 
 
 def check_extent(
@@ -78,7 +76,7 @@ def check_file_feeds(motions: Motions, source: Motions) -> list[Fault]:
     return listed(FaultKind.FEED, lines, total=len(new))
 
 
-def _feedless(motions: Motions) -> tuple[NDArray[np.int64], Floats]:
+def _feedless(motions: Motions) -> tuple[Ints, Floats]:
     """Return the moves without a feed and both their ends, rounded."""
     rows = moving(motions)
     start, end = motions.points[rows], motions.points[rows + 1]
@@ -94,7 +92,7 @@ def _reached(points: Floats, machine: Machine) -> tuple[Floats, Floats]:
     return both.min(axis=1), both.max(axis=1)
 
 
-def _beyond(points: Floats, low: Floats, high: Floats) -> NDArray[np.bool_]:
+def _beyond(points: Floats, low: Floats, high: Floats) -> Flags:
     beyond = np.zeros(len(points), np.bool_)
     for axis, least, most in zip(points.T.copy(), low - SAME_MM, high + SAME_MM, strict=True):
         beyond |= (axis < least) | (axis > most)

@@ -22,9 +22,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument, Motions
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
@@ -34,8 +34,6 @@ NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, o
 NONE = -1
 MORE_MM = 0.01  # of filament pushed or pulled at once beyond the source's
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Spans = Sequence[tuple[int, int] | None]
 
 
@@ -76,6 +74,25 @@ def check_filament(
 
 
 @dataclass(frozen=True, slots=True)
+class Stretches:
+    """What is pushed less what is pulled in stretches of moves, mm."""
+
+    tool: Ints  # (n,) in use there
+    net: Floats  # (n,) in all
+    low: Floats  # (n,) least running sum within each, 0 or below
+    high: Floats  # (n,) greatest, 0 or above
+
+    @staticmethod
+    def of(tool: Ints, total: Floats, begin: Ints, end: Ints) -> Stretches:
+        """Take the moves begin..end - 1; `total` is pushed before each move, and by all."""
+        pairs = np.stack([begin, end + 1], axis=1).ravel()
+        padded = np.append(total, total[-1:])
+        low = np.minimum.reduceat(padded, pairs)[::2] - total[begin]
+        high = np.maximum.reduceat(padded, pairs)[::2] - total[begin]
+        return Stretches(tool, total[end] - total[begin], low, high)
+
+
+@dataclass(frozen=True, slots=True)
 class Book:
     """The stretches of a file in order: of each contour one before it; two where lines stand."""
 
@@ -83,14 +100,9 @@ class Book:
     contour: Ints  # (n,) of the source
     tool: Ints  # (n,) it is printed with
     lines: Ints  # (n,) which of the source's own lines stand before it: -1 none, 0 the start code
-    net: Floats  # (n,) of the stretch before it, mm
-    low: Floats  # (n,) least running sum within that stretch, mm, 0 or below
-    high: Floats  # (n,) greatest, 0 or above
-    net_above: Floats  # (n,) of the stretch above the lines, mm; 0 where none stand
-    low_above: Floats  # (n,)
-    high_above: Floats  # (n,)
-    tool_above: Ints  # (n,) in use in that stretch
-    kept: NDArray[np.bool_]  # (n,) one tool is in use from bead to bead
+    before: Stretches  # (n,) between the lines, or else the bead above, and the bead
+    above: Stretches  # (n,) between the bead above and the lines; nothing happens where none stand
+    kept: Flags  # (n,) one tool is in use from bead to bead
     deepest: Floats  # (n,) least running sum from bead to bead, the source's own lines included
 
     @staticmethod
@@ -110,14 +122,14 @@ class Book:
                 above[k], since[k], stands[k] = max(a, int(behind[k])), b, number
         total = np.concatenate([[0.0], np.cumsum(np.asarray(motions.extrusion))])
         changes = np.cumsum(np.diff(tools, prepend=tools[:1]) != 0)
-        upper, lower = _stretch(total, behind, above), _stretch(total, since, bead)
+        tool, last = tools[bead], tools[np.maximum(behind - 1, 0)]
+        upper = Stretches.of(last, total, behind, above)
         if stands[0] == 0:  # what the start code does is its own
-            for each in upper:
-                each[0] = 0.0
+            upper.net[0] = upper.low[0] = upper.high[0] = 0.0
         return Book(
-            bead, contour[first], tools[bead], stands, *lower, *upper,
-            tools[np.maximum(behind - 1, 0)],
-            changes[np.maximum(behind - 1, 0)] == changes[bead], _stretch(total, behind, bead)[1],
+            bead, contour[first], tool, stands, Stretches.of(tool, total, since, bead), upper,
+            changes[np.maximum(behind - 1, 0)] == changes[bead],
+            Stretches.of(tool, total, behind, bead).low,
         )  # fmt: skip
 
 
@@ -130,15 +142,6 @@ def _contours_of(motions: Motions, laid: Ints, contour: Ints) -> tuple[Ints, Int
     each = of_run[np.asarray(motions.contour)]
     rows = np.flatnonzero(each >= 0)
     return rows, each[rows]
-
-
-def _stretch(total: Floats, begin: Ints, end: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return net, least and greatest running sum of the moves begin..end - 1, each (n,)."""
-    pairs = np.stack([begin, end + 1], axis=1).ravel()
-    padded = np.append(total, total[-1:])
-    low = np.minimum.reduceat(padded, pairs)[::2] - total[begin]
-    high = np.maximum.reduceat(padded, pairs)[::2] - total[begin]
-    return total[end] - total[begin], low, high
 
 
 def tools_of(motions: Motions) -> Ints:
@@ -175,33 +178,40 @@ def _check_totals(motions: Motions, source: Motions, taken: Taken | None) -> lis
 def _check_nets(book: Book, own: Book, motions: Motions) -> list[Fault]:
     """Compare what the stretches before contours, and around the source's lines, push in all."""
     n = int(max(own.contour.max(initial=0), book.contour.max(initial=0))) + 1
-    parted = own.lines >= 0
-    of_contour, of_lines = np.zeros(n), np.zeros(int(own.lines.max(initial=-1)) + 2)
-    above_lines = np.zeros(len(of_lines))
-    of_contour[own.contour] = np.where(parted, 0.0, own.net)
-    of_lines[own.lines[parted]] = own.net[parted]
-    above_lines[own.lines[parted]] = own.net_above[parted]
-    stands = np.minimum(book.lines, len(of_lines) - 1)  # -1, the last: none
-    due = of_contour[book.contour] + np.where(stands >= 0, of_lines[stands], 0.0)
-    due_above = np.where(stands >= 0, above_lines[stands], 0.0)
+    of_contour, stands = np.zeros(n), _lines_of(book, own)
+    of_contour[own.contour] = np.where(own.lines >= 0, 0.0, own.before.net)
+    due = of_contour[book.contour] + _by_lines(own, own.before.net)[stands]
+    due_above = _by_lines(own, own.above.net)[stands]
     line, at = np.asarray(motions.line), book.bead
-    off = np.flatnonzero(np.abs(book.net - due) > NET_MM)
-    above = np.flatnonzero(np.abs(book.net_above - due_above) > NET_MM)
+    off = np.flatnonzero(np.abs(book.before.net - due) > NET_MM)
+    above = np.flatnonzero(np.abs(book.above.net - due_above) > NET_MM)
     lines = [
-        f"line {line[at[k]]} begins a bead with {_left(book.net[k])}, "
-        f"the source with {_left(due[k])}"
+        f"line {line[at[k]]} begins a bead with {in_words(book.before.net[k])}, "
+        f"the source with {in_words(due[k])}"
         for k in off[:LIMIT].tolist()
     ]
     lines += [
         f"above line {line[at[k]]} the source's own lines are begun with "
-        f"{_left(book.net_above[k])}, in the source with {_left(due_above[k])}"
+        f"{in_words(book.above.net[k])}, in the source with {in_words(due_above[k])}"
         for k in above[:LIMIT].tolist()
     ]
     return listed(FaultKind.STATE, lines, total=len(off) + len(above))
 
 
-def _left(net: float) -> str:
-    """Return in words what the moves of a stretch leave retracted, or pushed on the spot."""
+def _by_lines(own: Book, values: Floats) -> Floats:
+    """Return the value at each of the source's own lines, and at last 0, for none of them."""
+    found, parted = np.zeros(int(own.lines.max(initial=-1)) + 2), own.lines >= 0
+    found[own.lines[parted]] = values[parted]
+    return found
+
+
+def _lines_of(book: Book, own: Book) -> Ints:
+    """Return the place in `_by_lines` of what stands before each contour, (n,)."""
+    return np.minimum(book.lines, int(own.lines.max(initial=-1)) + 1)  # -1, the last: none
+
+
+def in_words(net: float) -> str:
+    """Return in words what moves leave retracted, or pushed on the spot."""
     if net > 0.0:
         return f"{net:.4g} mm pushed on the spot"
     return f"{abs(net):.4g} mm retracted"
@@ -212,21 +222,17 @@ def _check_depths(book: Book, own: Book, motions: Motions) -> list[Fault]:
 
     What it does for a change of tools holds above and below that change only.
     """
-    n = int(max(own.tool.max(), own.tool_above.max(), book.tool.max(), book.tool_above.max())) + 1
-    kept, parted = own.kept & (np.arange(len(own.bead)) > 0), own.lines >= 0
+    every = (own.before, own.above, book.before, book.above)
+    n = 1 + int(max(each.tool.max() for each in every))
+    kept, stands = own.kept & (np.arange(len(own.bead)) > 0), _lines_of(book, own)
+    retracts, pushes = np.zeros(n), np.zeros(n)
+    np.maximum.at(retracts, own.tool[kept], np.abs(own.deepest[kept]))
+    np.maximum.at(pushes, own.tool[kept], own.before.high[kept])
     texts, total = list[str](), 0
-    for upper in (False, True):
-        tool = book.tool_above if upper else book.tool
-        low, high = (book.low_above, book.high_above) if upper else (book.low, book.high)
-        usual = np.zeros((2, n))
-        np.maximum.at(usual[0], own.tool[kept], np.abs(own.deepest[kept]))
-        np.maximum.at(usual[1], own.tool[kept], own.high[kept])
-        here = np.zeros((2, int(own.lines.max(initial=-1)) + 2))
-        of = (own.low_above, own.high_above) if upper else (own.low, own.high)
-        here[0, own.lines[parted]], here[1, own.lines[parted]] = -of[0][parted], of[1][parted]
-        stands = np.minimum(book.lines, here.shape[1] - 1)
-        most = np.maximum(usual[0][tool], here[0][stands])
-        highest = usual[1][tool] + here[1][stands]
+    for ours, theirs in ((book.before, own.before), (book.above, own.above)):
+        tool, low, high = ours.tool, ours.low, ours.high
+        most = np.maximum(retracts[tool], _by_lines(own, -theirs.low)[stands])
+        highest = pushes[tool] + _by_lines(own, theirs.high)[stands]
         deep, up = -low - most > MORE_MM, high - highest > MORE_MM
         wrong = np.flatnonzero(deep | up)
         total += len(wrong)
@@ -269,7 +275,7 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
     return listed(FaultKind.STATE, texts, total=len(foreign) + len(wrong))
 
 
-def _withdrawn(motions: Motions) -> NDArray[np.bool_]:
+def _withdrawn(motions: Motions) -> Flags:
     """Tell before which moves the firmware has retracted, (m,)."""
     n = len(motions.line)
     return np.zeros(n, np.bool_) if motions.withdrawn is None else np.asarray(motions.withdrawn)

@@ -8,16 +8,19 @@ is read with regular expressions.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.arrays import Flags, Ints
+
 _ONE_DIGIT = bytes.maketrans(b"23456789", b"11111111")
 _ZERO, _NINE, _DOT, _END = 48, 57, 46, 10
 
+T = TypeVar("T", bound=Hashable)
 Bytes = NDArray[np.uint8]
-Bools = NDArray[np.bool_]
 
 
 def not_plain(text: bytes, plain: re.Pattern[bytes]) -> list[int]:
@@ -48,7 +51,7 @@ def _shapes(text: bytes) -> bytes:
     return shape[kept].tobytes()
 
 
-def _digits(raw: Bytes) -> Bools:
+def _digits(raw: Bytes) -> Flags:
     return np.asarray((raw >= _ZERO) & (raw <= _NINE))
 
 
@@ -66,3 +69,13 @@ def no_comment_no_move(text: bytes) -> Iterator[tuple[int, int]]:
     move &= ~(_digits(third) | (third == _DOT))
     left = np.flatnonzero(~move & ~np.isin(first, (ord(";"), ord("\r"), _END)))
     return zip((left + 1).tolist(), starts[left].tolist(), strict=True)
+
+
+def in_force(changes: Sequence[tuple[int, T]], number: Mapping[T, int], line: Ints) -> Ints:
+    """Return the number of what holds at each line, (n,).
+
+    `changes` are lines, from 1, and what holds behind each; first of all in line 0.
+    """
+    rows = np.array([row for row, _ in changes], np.int64)
+    held = np.array([number[value] for _, value in changes], np.int64)
+    return np.asarray(held[np.searchsorted(rows, line, side="left") - 1])

@@ -7,23 +7,23 @@ barriers allow; and the head, moved through the file, touches nothing printed be
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from sim.arrays import Ints
 from sim.content.arcs import check_arcs, turns_of
 from sim.content.inventory import Segments, compare, match_segments
 from sim.content.same_print import check_print
 from sim.content.seams import Moved, motions_with
-from sim.faults import Fault
+from sim.faults import Fault, Gap, Nearest, Verdict
 from sim.files.extent import check_file_extent, check_file_feeds
-from sim.files.file_contacts import Met, Printed, check_file_material
+from sim.files.file_contacts import check_file_material
 from sim.files.printed_file import laying_moves, segments_of
-from sim.rules.epochs import check_file_epochs
+from sim.rules.precedence import check_file_epochs
 from sim.rules.priming import check_file_priming
 
 
@@ -33,18 +33,26 @@ class Matched:
 
     faults: list[Fault]
     is_other: bool  # another print: nothing else was compared
+    moves: int  # of the file
     segments: Segments  # (n,) of the file, in its order
-    laid: NDArray[np.int64]  # (n,) the moves that lay them
-    contour: NDArray[np.int64]  # (n,) the source's contour each of them is of, -1: of none
-    source_line: NDArray[np.int64]  # (n,) where the source lays each of them, -1: nowhere
-    met: Met = field(
-        default_factory=Met
-    )  # contacts that the source makes on the same moves, and the least gap
+    laid: Ints  # (n,) the moves that lay them
+    contour: Ints  # (n,) the source's contour each of them is of, -1: of none
+    source_line: Ints  # (n,) where the source lays each of them, -1: nowhere
+    warnings: tuple[str, ...] = ()  # contacts that the source makes on the same moves
+    beside: Gap | None = None  # least, of the head to beads, from the first contour to the last
+
+    def verdict(self, faults: Sequence[Fault] = (), checked: tuple[str, ...] = ()) -> Verdict:
+        """Return the verdict on the file, with more faults; another print has that one alone."""
+        if self.is_other:
+            return Verdict(tuple(self.faults))
+        counts = {"moves": float(self.moves), "segments": float(len(self.segments.ends))}
+        nearest = Nearest(beside=self.beside)
+        return Verdict((*self.faults, *faults), counts, checked, self.warnings, nearest)
 
 
 def contours_laid(
     motions: Motions, source: Motions, job: PrintJob, seams: Sequence[Moved] = ()
-) -> NDArray[np.int64]:
+) -> Ints:
     """Return which of the source's contours each bead of a file is of, in its order; -1: none."""
     source = motions_with(source, job.contours, seams)
     laid, due = laying_moves(motions), laying_moves(source)
@@ -80,7 +88,7 @@ def check_moves(
     printed = np.where(match >= 0, contour[match] if len(contour) else -1, -1)
     lines = np.where(match >= 0, theirs.place[match] if len(theirs.place) else -1, -1)
     if other := check_print(ours, theirs, match, contour):
-        return Matched(other, True, ours, laid, printed, lines)
+        return Matched(other, True, len(motions.line), ours, laid, printed, lines)
     faults = compare(ours, theirs, match) + check_arcs(turns_of(motions), turns, moved)
     if job is not None and len(job.contours):
         epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
@@ -89,7 +97,9 @@ def check_moves(
     faults += check_file_extent(motions, source, machine)
     faults += check_file_feeds(motions, source)
     contours = job.contours if job is not None and len(job.contours) else None
-    contacts, met = check_file_material(
-        motions, Printed(laid, printed, match, contours), machine, given
+    contacts, warnings, beside = check_file_material(
+        motions, given, machine, laid, printed, match, contours
     )
-    return Matched(faults + contacts, False, ours, laid, printed, lines, met)
+    return Matched(
+        faults + contacts, False, len(motions.line), ours, laid, printed, lines, warnings, beside
+    )

@@ -17,7 +17,7 @@ import numpy as np
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from sim.files.commands import commands
+from sim.files.commands import codes_of
 
 _SETS = re.compile(rb"M(104|140) S(\d++(?:\.\d*+)?)", re.I)
 _IN_START = re.compile(rb"M1(?:0[49]|40|90) [SR](\d++(?:\.\d*+)?)\Z", re.I)
@@ -38,7 +38,7 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
         return None
     states: list[tuple[tuple[str, float], ...]] = [tuple(sorted(told.items()))]
     for epoch in range(1, count):
-        for _, code in commands(blocks[epoch].text.split(b"\n")):
+        for code in codes_of(blocks[epoch].text):
             sets = _SETS.fullmatch(code)
             if sets is None:
                 return None
@@ -59,7 +59,7 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
 def _after_start(preamble: bytes) -> Told:
     """Return what start code tells the heaters in words that name no tool."""
     told: Told = {}
-    for _, code in commands(preamble.split(b"\n")):
+    for code in codes_of(preamble):
         if value := _IN_START.match(code):
             told["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])
     return told

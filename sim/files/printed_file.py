@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
+from sim.arrays import Floats, Ints
 from sim.content.inventory import Segments, move_segments
 from sim.content.laid import laying_rows
 from sim.replay.shapes import Beads
 
 
-def laying_moves(motions: Motions) -> NDArray[np.int64]:
+def laying_moves(motions: Motions) -> Ints:
     """Return the moves that lay down material."""
     n = len(motions.line)
     tool = np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
@@ -19,19 +19,19 @@ def laying_moves(motions: Motions) -> NDArray[np.int64]:
     return laying_rows(motions.points, np.asarray(motions.extrusion), tool, known)
 
 
-def segments_of(motions: Motions, laid: NDArray[np.int64]) -> Segments:
+def segments_of(motions: Motions, laid: Ints) -> Segments:
     """Return the moves that lay down material, `laying_moves`, as the inventory compares them."""
     return move_segments(
         motions.points, motions.extrusion, motions.feed, np.asarray(motions.line, np.int64), laid
     )
 
 
-def moves_array(motions: Motions) -> NDArray[np.float64]:
+def moves_array(motions: Motions) -> Floats:
     """Return every move, (m, 6)."""
     return np.hstack([motions.points[:-1], motions.points[1:]])
 
 
-def moving(motions: Motions) -> NDArray[np.int64]:
+def moving(motions: Motions) -> Ints:
     """Return the moves whose path is known: all but homing and G92.
 
     A move at feed 0 (`F0`) is among them: firmware makes it at the feed before.
@@ -40,7 +40,7 @@ def moving(motions: Motions) -> NDArray[np.int64]:
     return np.nonzero(known if motions.placed is None else ~np.asarray(motions.placed))[0]
 
 
-def beads_of(motions: Motions, laid: NDArray[np.int64], match: NDArray[np.int64]) -> Beads:
+def beads_of(motions: Motions, laid: Ints, match: Ints) -> Beads:
     """Return the beads of a file with the first move that may meet each.
 
     Only contours count: a purge line of the start code has no stated size, and the start code

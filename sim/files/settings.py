@@ -16,10 +16,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.command_book import commands_of
+from sim.files.lines import in_force
 
 _FAN = re.compile(rb"M(10[67]|12[67])(?![\d.]|[A-Z_]{2})(.*)", re.I | re.S)
 _SET = re.compile(
@@ -39,9 +40,8 @@ _OF_TOOL = {  # the words that say of which tool
     b"M221": (b"T", b"D"), b"M900": (b"T",), b"M572": (b"D",),
     b"SET_PRESSURE_ADVANCE": (b"EXTRUDER",),
 }  # fmt: skip
-_UNSAID = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was said
+_UNSET = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was set
 
-Ints = NDArray[np.int64]
 Settings = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
 
@@ -51,7 +51,7 @@ def check_settings(
 ) -> list[Fault]:
     """Check that each bead is laid under the settings it is laid under in the source.
 
-    Where the source has not said anything yet, but for `_UNSAID`, anything may be in force.
+    Where the source has not set anything yet, but for `_UNSET`, anything may be in force.
 
     Parameters
     ----------
@@ -84,19 +84,20 @@ class _Book:
     """What one setting is in the file and in its source, line by line."""
 
     name: str
-    values: list[str]  # the first is in force where nothing was said
+    values: list[str]  # the first is in force where nothing was set
     has: list[tuple[int, str]]
     due: list[tuple[int, str]]
 
     @staticmethod
     def of(name: str, has: list[tuple[int, str]], due: list[tuple[int, str]]) -> _Book:
-        values = [_UNSAID.get(name, ""), *(value for _, value in [*has, *due])]
-        return _Book(name, list(dict.fromkeys(values)), has, due)
+        first = (0, _UNSET.get(name, ""))
+        values = list(dict.fromkeys(value for _, value in [first, *has, *due]))
+        return _Book(name, values, [first, *has], [first, *due])
 
     def differing(self, line: Ints, source_line: Ints) -> tuple[Ints, Ints, Ints]:
         """Return the values at lines of the file and of the source, and where they are at odds."""
-        a = _in_force(self.has, self.values, line)
-        b = _in_force(self.due, self.values, source_line)
+        number = {value: k for k, value in enumerate(self.values)}
+        a, b = in_force(self.has, number, line), in_force(self.due, number, source_line)
         return a, b, np.flatnonzero((a != b) & ((b > 0) | bool(self.values[0])))
 
 
@@ -123,16 +124,16 @@ def settings_of(text: bytes) -> Settings:
             tool = selects[1].decode().lstrip("0") or "0"
             tools.add(tool)
         if (named := _FAN.match(command)) is not None:
-            said = [_fan(named[1], named[2])]
+            sets = [_fan(named[1], named[2])]
         elif (named := _SET.match(command)) is None:
             continue
         else:
-            said = list(_set_by(named[1].upper(), named[2], tool))
+            sets = list(_set_by(named[1].upper(), named[2], tool))
         if command[:4].upper() == b"M220":
             now = found["M220 S"][-1][1] if "M220 S" in found else "100"
             kept = now if re.search(rb"B", named[2], re.I) else kept
-            said = [("M220 S", kept), *said] if re.search(rb"R", named[2], re.I) else said
-        for name, value in said:
+            sets = [("M220 S", kept), *sets] if re.search(rb"R", named[2], re.I) else sets
+        for name, value in sets:
             found.setdefault(name, []).append((line, value))
     return found
 
@@ -176,11 +177,3 @@ def _tool_of(name: str) -> str:
     """Return the number of a tool, or its name."""
     named = _EXTRUDER.fullmatch(name)
     return (named[1] if named else name).lstrip("0") or "0"
-
-
-def _in_force(changes: list[tuple[int, str]], values: list[str], line: Ints) -> Ints:
-    """Return which of the values holds at each line, (n,)."""
-    number = {value: k for k, value in enumerate(values)}
-    rows = np.array([0, *(row for row, _ in changes)], np.int64)
-    held = np.array([0, *(number[value] for _, value in changes)], np.int64)
-    return np.asarray(held[np.searchsorted(rows, line, side="left") - 1])

@@ -12,11 +12,11 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decmcts.formats.gcode.text.lines import command_of
+from sim.arrays import Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.files.lines import no_comment_no_move
+from sim.files.command_book import commands_of
+from sim.files.lines import in_force
 
 _HEAT = re.compile(rb"M1(04|09|40|90|41|91) ?(.*)", re.I | re.S)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
@@ -32,10 +32,8 @@ _QUIET = re.compile(
     re.I,
 )
 _HOMES = re.compile(rb"G0*2[89](?![0-9])", re.I)  # some cool the nozzle, with which they probe
-_LINE = re.compile(rb"^(?![ \t]*(?:[;\r\n]|[Gg]0*[0-3](?![0-9.])))[^\n]+", re.M)
 
 Told = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
-Ints = NDArray[np.int64]
 
 
 def check_temperatures(
@@ -56,7 +54,7 @@ def check_temperatures(
     """
     ours, theirs = (list(_book(each, own_tool)) for each in (text, source))
     number = {told: k for k, told in enumerate(dict.fromkeys(told for _, told in ours + theirs))}
-    a, b = _in_force(ours, number, line), _in_force(theirs, number, source_line)
+    a, b = in_force(ours, number, line), in_force(theirs, number, source_line)
     words = list(number)
     wrong = np.flatnonzero(a != b)
     lines = [
@@ -72,10 +70,8 @@ def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, Told]]:
     told: dict[str, str] = {}
     tool, others = 0, 0
     yield 0, ()
-    for number, begin in no_comment_no_move(text):
-        row = _LINE.match(text, begin)
-        code = command_of(row[0]) if row else b""
-        if not code or _QUIET.match(code):
+    for number, code in commands_of(text):
+        if _QUIET.match(code):
             continue
         heat = _HEAT.match(code)
         words = heat[2] if heat else b""
@@ -105,13 +101,6 @@ def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, Told]]:
 
 def _shown(code: bytes) -> str:
     return f"'{code.decode('utf-8', 'replace')}'"
-
-
-def _in_force(book: list[tuple[int, Told]], number: dict[Told, int], line: Ints) -> Ints:
-    """Return which of the numbered states holds at each line, (n,)."""
-    rows = np.array([row for row, _ in book], np.int64)
-    states = np.array([number[told] for _, told in book], np.int64)
-    return np.asarray(states[np.searchsorted(rows, line, side="left") - 1])
 
 
 def _differing(ours: Told, theirs: Told) -> str:

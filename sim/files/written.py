@@ -9,14 +9,12 @@ source does, and no written move touches the print.
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import (
@@ -32,6 +30,7 @@ from decmcts.formats.mesh import is_mesh
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Ints
 from sim.content.inventory import alike_of
 from sim.content.seams import Moved, seams_of_file, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
@@ -102,30 +101,24 @@ def _verify(
     seams: Sequence[Moved] | None, actions: HeadActions | None, plate: int | None,
 ) -> Verdict:  # fmt: skip
     """Return the verdict on a file with the epochs and the blocks that are given."""
-    started = time.perf_counter()
-    source = document.moves if document.moves is not None else moves_of(document)
+    source = moves_of(document)
     if source is None:
         raise InputError("the source's moves are not known", path=document.path)
     try:
         written = _read_back(path, job, document, source, seams, plate)
     except InputError as error:
-        return Verdict((_unreadable(error),))
+        return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
     motions = written.motions
     if (taken := written.taken) is not None:
         job, document = taken.job, taken.document
     matched = check_moves(motions, source, machine, job=job, seams=written.seams)
     if matched.is_other:
-        return Verdict(tuple(matched.faults))
-    faults = check_line_numbers(path, plate) + matched.faults + written.faults
-    faults += _check_text(written, source, (job, document), matched, taken)
+        return matched.verdict()
+    faults = written.faults + _check_text(written, source, (job, document), matched, taken)
     if actions is not None:
         faults += _check_waits(written.text, motions, matched.laid, actions)
-    counts = {
-        "moves": float(len(motions.line)),
-        "segments": float(len(matched.segments.ends)),
-        "seconds": time.perf_counter() - started,
-    }
-    return Verdict(tuple(faults), counts, (), matched.met.warnings, matched.met.nearest)
+    verdict = matched.verdict(faults)
+    return replace(verdict, faults=(*check_line_numbers(path, plate), *verdict.faults))
 
 
 def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Verdict:
@@ -136,11 +129,8 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     """
     moves = document.moves
     assert moves is not None
-    matched = check_moves(moves, moves, machine, job=job)
     checked = ("the file is its source, byte for byte",)
-    counts = {"moves": float(len(moves.line)), "segments": float(len(matched.segments.ends))}
-    met = matched.met
-    return Verdict(tuple(matched.faults), counts, checked, met.warnings, met.nearest)
+    return check_moves(moves, moves, machine, job=job).verdict(checked=checked)
 
 
 def check_line_numbers(path: Path | str, plate: int | None) -> list[Fault]:
@@ -149,10 +139,6 @@ def check_line_numbers(path: Path | str, plate: int | None) -> list[Fault]:
         return []
     text = f"line {line} has a line number, and a firmware stops where the next is another"
     return [Fault(FaultKind.COMMAND, text)]
-
-
-def _unreadable(error: InputError) -> Fault:
-    return Fault(FaultKind.STATE, f"the file cannot be read back: {error}")
 
 
 def _read_back(
@@ -187,10 +173,10 @@ def _check_text(
     line = np.asarray(written.motions.line)[laid]
     faults, places = check_commands(written.text, document, line, epoch)
     filament = check_filament(written.motions, source, document, places, (laid, contour), taken)
-    return faults + filament + _check_said(written, document, matched, taken)
+    return faults + filament + _check_source_text(written, document, matched, taken)
 
 
-def _check_said(
+def _check_source_text(
     written: Written, document: GcodeDocument, matched: Matched, taken: Taken | None
 ) -> list[Fault]:
     """Check commands, settings and temperatures against the source's text, if there is one."""
@@ -223,9 +209,7 @@ def source_text(document: GcodeDocument) -> bytes | None:
     return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
 
 
-def _check_waits(
-    text: bytes, motions: Motions, laid: NDArray[np.int64], actions: HeadActions
-) -> list[Fault]:
+def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions) -> list[Fault]:
     """Check that the file stands still wherever the plan waits, as long, before the same bead.
 
     `laid` are the moves that lay beads, in the file's order.
@@ -265,6 +249,8 @@ def _check_waits(
 
 def moves_of(document: GcodeDocument) -> Motions | None:
     """Return the moves of the source; None where it was no G-code file."""
+    if document.moves is not None:
+        return document.moves
     try:
         return read_motions(document.path, document.plate)
     except InputError:

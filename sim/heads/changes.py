@@ -20,9 +20,10 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from statistics import median
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +33,13 @@ from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.changes import codes_of
 from sim.files.command_book import command_in, commands_of
 from sim.files.commands import sets_state
 from sim.files.written import source_text
 from sim.heads.file import HeadFile
 from sim.heads.heat import SELECTS, degrees_of, heat_due
+from sim.heads.laid import Bead
 
 _HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
 _MOVES = re.compile(
@@ -48,15 +51,7 @@ MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
 UNLOADS_MM = 20.0  # more is no retraction: the filament is out of the hot end
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Unwalled:
-    """A source without the changes that need not happen."""
-
-    job: PrintJob
-    document: GcodeDocument
+Source = tuple[PrintJob, GcodeDocument]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +76,7 @@ class _Tool:
         return not k or self.degrees(self.prints[k - 1]) == self.degrees(self.prints[k])
 
 
-def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
+def without_changes(job: PrintJob, document: GcodeDocument) -> Source | None:
     """Return a source of several tools as heads with one tool each may print it.
 
     None where all its changes stay. Linear in lines and moves.
@@ -90,10 +85,10 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
     if text is None or document.moves is None:
         return None
     tools = _tools_of(text, job, every=heat_due(document, job).one_hot_end)
-    since = nets_of_tools(document.moves, job.contours.tool)
+    since = gaps_of_tools(document.moves, job.contours.tool)
     first = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
     goes = [
-        abs(since.get(c, 0.0)) <= MOST_MM and _may_go(block, tools)
+        abs(since.get(c, NO_GAP).net) <= MOST_MM and _may_go(block, tools)
         for c, block in zip(first.tolist(), document.blocks, strict=True)
     ]
     gone = [block for block, leaves in zip(document.blocks, goes, strict=True) if leaves]
@@ -105,9 +100,9 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
 
 def _unwalled(
     job: PrintJob, document: GcodeDocument, gone: list[Block], kept: list[Block],
-    since: Mapping[int, float], tools: Mapping[int, _Tool],
-) -> Unwalled:  # fmt: skip
-    """Return a source without some blocks; `since` has the net of each contour's tool, mm."""
+    since: Mapping[int, Gap], tools: Mapping[int, _Tool],
+) -> Source:  # fmt: skip
+    """Return a source without some blocks."""
     was = job.contours.epoch
     behind = dict(zip(np.searchsorted(was, [b.epoch for b in gone]).tolist(), gone, strict=True))
     walls = np.diff(was, prepend=was[:1]) > 0
@@ -121,39 +116,33 @@ def _unwalled(
     owed = document.owed.copy()
     for c in behind:
         more = primes.get(int(job.contours.tool[c]), 0.0) if c in taken and c in since else 0.0
-        owed[c] = more - since.get(c, 0.0)
+        owed[c] = more - since.get(c, NO_GAP).net
     apart = heat_due(document, job).one_hot_end
     standbys = {} if apart else _standbys(gone, tools)
-    deep = _pulled_back(document.moves, job.contours.tool, taken & since.keys())
+    deep = _pulled_back(job, since, taken)
     practices = {
         tool: Practice(
             round(deep.get(tool, 0.0), 5), round(primes.get(tool, 0.0), 5), standbys.get(tool)
         )
         for tool in sorted({*primes, *deep, *standbys})
     }
-    return Unwalled(
-        replace(
-            job, contours=replace(job.contours, epoch=epoch),
-            refills=tuple(sorted(now[e] for e in refills)), practices=tuple(practices.items()),
-        ),
-        replace(
-            document, blocks=tuple(replace(block, epoch=now[block.epoch]) for block in kept),
-            own_starts=starts, owed=owed,
-        ),
+    job = replace(
+        job, contours=replace(job.contours, epoch=epoch),
+        refills=tuple(sorted(now[e] for e in refills)), practices=tuple(practices.items()),
     )  # fmt: skip
+    blocks = tuple(replace(block, epoch=now[block.epoch]) for block in kept)
+    return job, replace(document, blocks=blocks, own_starts=starts, owed=owed)
 
 
-def as_planned(
-    epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument
-) -> tuple[PrintJob, GcodeDocument]:
+def as_planned(epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument) -> Source:
     """Return a source as a plan with these epochs takes it: with its changes of tools or without.
 
     Where the plan's epochs are neither it is the source as it stands, from which they then differ.
     """
     if not np.array_equal(epochs, job.contours.epoch):
         found = without_changes(job, document)
-        if found is not None and np.array_equal(epochs, found.job.contours.epoch):
-            return found.job, found.document
+        if found is not None and np.array_equal(epochs, found[0].contours.epoch):
+            return found
     return job, document
 
 
@@ -182,7 +171,7 @@ def _degrees(words: bytes) -> float:
 
 def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
     """Tell whether what a block commands is for a change of tools and for nothing else."""
-    codes, changes = _codes(block), _changes(block)
+    codes, changes = codes_of(block), _changes(block)
     if block.tower or block.begin.relative_e != block.end.relative_e:
         return False
     if not changes and not (codes and all(_HEATS.match(code) for code in codes)):
@@ -192,12 +181,8 @@ def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
     return all(tool.stays(block.line, block.last_line) for tool in tools.values())
 
 
-def _codes(block: Block) -> list[bytes]:
-    return [code for row in block.text.split(b"\n") if (code := command_in(row))]
-
-
 def _changes(block: Block) -> bool:
-    return any(_selects(code) for code in _codes(block))
+    return any(_selects(code) for code in codes_of(block))
 
 
 def _selects(code: bytes) -> re.Match[bytes] | None:
@@ -223,16 +208,16 @@ def _starts(
         yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
 
-def _primes_of(job: PrintJob, since: Mapping[int, float], taken: set[int]) -> dict[int, float]:
+def _primes_of(job: PrintJob, since: Mapping[int, Gap], taken: set[int]) -> dict[int, float]:
     """Return what is pushed beyond what was pulled at every change to a tool alike, mm.
 
     `taken` are the contours before which tools change.
     """
     pushed: dict[int, list[float]] = {}
-    for c in sorted(taken & since.keys()):
-        pushed.setdefault(int(job.contours.tool[c]), []).append(since[c])
+    for c in taken & since.keys():
+        pushed.setdefault(int(job.contours.tool[c]), []).append(since[c].net)
     return {
-        tool: sorted(each)[len(each) // 2] / 2.0 + sorted(each)[(len(each) - 1) // 2] / 2.0
+        tool: median(each)
         for tool, each in pushed.items()
         if min(each) > PRIMES_MM and max(each) - min(each) <= ALIKE_MM
     }
@@ -252,55 +237,48 @@ def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, fl
     return found
 
 
-def _pulled_back(
-    moves: Motions | None, tool: NDArray[np.integer[Any]], taken: set[int]
-) -> dict[int, float]:
+def _pulled_back(job: PrintJob, since: Mapping[int, Gap], taken: set[int]) -> dict[int, float]:
     """Return how far each tool is pulled back at least, mm, before the contours `taken`."""
-    if moves is None:
-        return {}
-    number, held = tool.tolist(), dict[int, float]()
-    lowest, found = dict[int, float](), dict[int, list[float]]()
-    at = -1
-    for used, contour, filament in _pushes(moves):
-        if contour < 0:
-            held[used] = held.get(used, 0.0) + filament
-            lowest[used] = min(lowest.get(used, 0.0), held[used])
-            continue
-        own = number[contour]
-        if contour != at and contour in taken:
-            found.setdefault(own, []).append(-lowest.get(own, 0.0))
-        held[own], lowest[own], at = 0.0, 0.0, contour
-    least = {used: min(each) for used, each in found.items()}
-    return {used: deep for used, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
+    least: dict[int, float] = {}
+    for c in taken & since.keys():
+        tool = int(job.contours.tool[c])
+        least[tool] = min(least.get(tool, np.inf), since[c].pulled)
+    return {tool: deep for tool, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
 
 
-def _pushes(moves: Motions) -> Iterable[tuple[int, int, float]]:
-    """Return tool, contour and filament (mm) of each move."""
-    columns = (moves.tool, moves.contour, moves.extrusion)
-    return zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+class Gap(NamedTuple):
+    """What a tool does between two contours it prints, mm of filament."""
+
+    net: float  # pushed less pulled
+    pulled: float  # the most that is pulled back
 
 
-def nets_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, float]:
-    """Return what a contour's tool has pushed less what it has pulled since its last contour, mm.
+NO_GAP = Gap(0.0, 0.0)
+
+
+def gaps_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, Gap]:
+    """Return what each contour's tool has done since its last contour.
 
     `tool` is that of each contour. Of contours that are the first of their tool nothing.
     """
-    number, net, held = tool.tolist(), dict[int, float](), dict[int, float]()
-    at = -1
-    for used, contour, filament in _pushes(moves):
+    number, found = tool.tolist(), dict[int, Gap]()
+    held, lowest, at = dict[int, float](), dict[int, float](), -1
+    columns = (moves.tool, moves.contour, moves.extrusion)
+    for used, contour, filament in zip(*(np.asarray(c).tolist() for c in columns), strict=True):
         if contour < 0:
             if filament and used in held:
                 held[used] += filament
+                lowest[used] = min(lowest[used], held[used])
             continue
         own = number[contour]
         if contour != at and own in held:
-            net[contour] = held[own]
-        held[own], at = 0.0, contour
-    return net
+            found[contour] = Gap(held[own], -lowest[own])
+        held[own], lowest[own], at = 0.0, 0.0, contour
+    return found
 
 
 def check_hot_ends(
-    heads: Sequence[tuple[HeadFile, Sequence[tuple[int, int, int]]]], source: bytes, job: PrintJob,
+    heads: Sequence[tuple[HeadFile, Sequence[Bead]]], source: bytes, job: PrintJob,
     document: GcodeDocument,
 ) -> list[Fault]:  # fmt: skip
     """Check that each bead of heads' files is laid with its hot end told what the source tells it.
@@ -308,7 +286,7 @@ def check_hot_ends(
     Parameters
     ----------
     heads
-        Each head's file, with contour, first move and end of each bead in it.
+        Each head's file, with the beads in it.
     source : bytes
         The source's text.
     """

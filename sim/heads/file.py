@@ -6,19 +6,20 @@ Only reading; what the files must do together is judged in `sim.heads.together`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
-from typing import NamedTuple
 
 from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
-from sim.files.commands import no_moves
+from sim.files.commands import codes_of, no_moves
 from sim.heads.heat import SELECTS, heat_of
-from sim.heads.words import Reader
+from sim.heads.sync import Reader, Sync
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 _CUT = re.compile(rb"^; \d+ contours are cut at \d+ places", re.M)
@@ -26,20 +27,39 @@ _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _FILAMENT = re.compile(rb"G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
+_DWELL = re.compile(rb"G4 P(\d+)\Z")
 _MOVES = (b"G1 ", b"G2 ", b"G3 ")
 _E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
 _E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
 _LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool
 
+Rows = tuple[tuple[int, bytes], ...]  # line, from 1, and command
+
 
 @dataclass(frozen=True, slots=True)
-class Sync:
-    """One synchronisation point of a file."""
+class Rests:
+    """Where a file waits, signals and dwells, found once for all that is asked of it."""
 
-    line: int  # from 1
-    signal: bool  # else a wait
-    number: int
-    moving: bool = False  # a signal between two moves, for which the head does not stop
+    waits: list[int]  # (w,) lines of waits, ascending
+    signals: list[int]  # (s,) lines of signals, ascending
+    dwells: list[int]  # (d,) lines of dwells, ascending
+    total_ms: list[int]  # (d + 1,) all dwells before each of them, and all of them
+
+    @classmethod
+    def of(cls, syncs: Sequence[Sync], others: Rows) -> Rests:
+        """Find them; every command is read once."""
+        found = ((line, _DWELL.match(code)) for line, code in others)
+        dwells = [(line, int(match[1])) for line, match in found if match is not None]
+        waits, signals = (
+            [sync.line for sync in syncs if sync.signal == wanted] for wanted in (False, True)
+        )
+        total_ms = list(accumulate((ms for _, ms in dwells), initial=0))
+        return cls(waits, signals, [line for line, _ in dwells], total_ms)
+
+    def between_s(self, above: int, below: int) -> float:
+        """Return the seconds dwelt below line `above` and above line `below`."""
+        low, high = bisect_right(self.dwells, above), bisect_left(self.dwells, below)
+        return (self.total_ms[max(low, high)] - self.total_ms[low]) / 1000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,26 +73,13 @@ class HeadFile:
     motion: Motion
     track: Track
     syncs: tuple[Sync, ...]
-    rest: tuple[tuple[int, bytes], ...]  # line (from 1) and command of all that is no sync point
-    others: tuple[tuple[int, bytes], ...]  # those of them that are no plain moves
-    loose: tuple[int, ...]  # lines of signals at rest that no M400 stands before
-    still: tuple[int, ...]  # lines of signals in motion that a dwell stands before
-    amiss: tuple[tuple[int, str], ...]  # lines of signals that count wrong, and how
+    rest: Rows  # all that is no sync point
+    others: Rows  # those of them that are no plain moves
+    rests: Rests
 
     def row(self, line: int) -> bytes:
         """Return a line (from 1) as it stands."""
         return self.lines.raw(line - 1)
-
-
-class _Parted(NamedTuple):
-    """The last fields of `HeadFile` while they are found."""
-
-    syncs: list[Sync]
-    rest: list[tuple[int, bytes]]
-    others: list[tuple[int, bytes]]
-    loose: list[int]
-    still: list[int]
-    amiss: list[tuple[int, str]]
 
 
 def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile:
@@ -86,12 +93,9 @@ def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile
     lines = split_lines(load_text(path), path)
     motion = interpret(lines)
     name, place = header_of(lines.text)
-    parted = _parted(lines, Reader(words, place[0]))
-    return HeadFile(
-        str(path), name, place, lines, motion, track_state(lines, motion), tuple(parted.syncs),
-        tuple(parted.rest), tuple(parted.others), tuple(parted.loose), tuple(parted.still),
-        tuple(parted.amiss),
-    )  # fmt: skip
+    syncs, rest, others = _parted(lines, Reader(words, place[0]))
+    track, rests = track_state(lines, motion), Rests.of(syncs, others)
+    return HeadFile(str(path), name, place, lines, motion, track, syncs, rest, others, rests)
 
 
 def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
@@ -111,43 +115,31 @@ def _top(text: bytes) -> bytes:
     return b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])
 
 
-def _parted(lines: Lines, reader: Reader) -> _Parted:
-    """Part the commands of a file into sync points and all others.
+def _parted(lines: Lines, reader: Reader) -> tuple[tuple[Sync, ...], Rows, Rows]:
+    """Return sync points, all other commands, and those of them that are no plain moves.
 
     An M400 right before a signal at rest belongs to it. A wait has none: nothing behind it is
-    read before it is over, so the moves above it run out. A signal in motion is given when the last
-    move above it ends, so not as late as a dwell above it.
+    read before it is over, so the moves above it run out.
     """
-    found = _Parted([], [], [], [], [], [])
+    syncs, taken = list[Sync](), list[int]()
     codes = lines.text.replace(b"\r\n", b"\n").split(b"\n")
     may_be = any(move.startswith(begin[:3]) for begin in reader.begins for move in _MOVES)
     looked_at = list(range(len(codes))) if may_be else no_moves(lines.text)
     for k in looked_at:
         codes[k] = command_of(codes[k])
-    taken = list[int]()
     for k in looked_at:
-        code = codes[k]
-        if not code.startswith(reader.begins):
+        if not codes[k].startswith(reader.begins):
             continue
         above = next((j for j in range(k - 1, -1, -1) if codes[j]), k)
-        stands = above < k and codes[above] == b"M400"
-        if (read := reader.read(code, stands=stands)) is None:
-            continue
-        found.syncs.append(Sync(k + 1, read.signal, read.number, read.moving))
-        found.amiss.extend((k + 1, what) for what in read.amiss)
-        taken.append(k)
-        if read.moving and above < k and codes[above].startswith(b"G4 "):
-            found.still.append(k + 1)
-        if read.signal and not read.moving:
-            if stands:
-                taken.append(above)
-            else:
-                found.loose.append(k + 1)
+        sync = reader.read(k + 1, codes[k], codes[above] if above < k else b"")
+        if sync is not None:
+            syncs.append(sync)
+            belongs = sync.signal and not sync.moving and codes[above] == b"M400"
+            taken += [k, above] if belongs else [k]
     for k in taken:
         codes[k] = b""
-    found.rest.extend((k, code) for k, code in enumerate(codes, 1) if code)
-    found.others.extend((k + 1, codes[k]) for k in looked_at if codes[k])
-    return found
+    rest = tuple((k, code) for k, code in enumerate(codes, 1) if code)
+    return tuple(syncs), rest, tuple((k + 1, codes[k]) for k in looked_at if codes[k])
 
 
 def axis_moves(file: HeadFile) -> list[int]:
@@ -181,7 +173,7 @@ def own_commands(
         Whether filament of the tool in use is this head's: not where it is for another's bead.
     """
     kept = []
-    for code in filter(None, map(command_of, text.split(b"\n"))):
+    for code in codes_of(text):
         name = code.split()[0].upper()
         relative_e = _E_COUNTS.get(name, relative_e)
         others = None not in (selected, tool) and selected != tool

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.job import PrintJob
+from sim.files.commands import codes_of
 
 _MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])(?!.*[PL])", re.I)
 _HOT_END = re.compile(rb"M10([49])(?![0-9.])(.*)", re.I)
@@ -64,16 +64,19 @@ def degrees_of(words: bytes) -> float | None:
 def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
     """Return what the file of each head must have, by what the source does."""
     first = int(job.contours.epoch.min(initial=0))
-    said = list(_temperatures(document))
-    early = [heat for epoch, _, heat in said if epoch <= first and heat.heats]
+    stated = list(_temperatures(document))
+    early = [heat for epoch, _, heat in stated if epoch <= first and heat.heats]
     waits = any(heat.waits for heat in early)
     told: dict[int, int] = {}  # tool -> epoch from which on it is hot
-    for epoch, tool, heat in said:
+    for epoch, tool, heat in stated:
         if heat.heats and heat.waits == waits:
             told[tool] = min(epoch, told.get(tool, epoch))
-    begins = {t: int(job.contours.epoch[job.contours.tool == t].min()) for t in _tools(job)}
+    begins = {
+        t: int(job.contours.epoch[job.contours.tool == t].min())
+        for t in np.unique(job.contours.tool).tolist()
+    }
     cold = [t for t, epoch in begins.items() if told.get(t, epoch + 1) > epoch]
-    ends = [heat for heat in map(heat_of, _codes(document.postamble)) if heat is not None]
+    ends = [heat for heat in map(heat_of, codes_of(document.postamble)) if heat is not None]
     off = any(not heat.heats and heat.tool is None for heat in ends)
     return Due(len(begins) > 1 and bool(early) and bool(cold), bool(early), waits, off)
 
@@ -135,18 +138,10 @@ def _temperatures(document: GcodeDocument) -> Iterable[tuple[int, int, Heat]]:
     texts += [(0, own.selected, own.text, own.tool) for own in document.own_starts]
     texts += [(block.epoch, block.begin.tool, block.text, None) for block in document.blocks]
     for epoch, selected, text, alone in texts:
-        for code in _codes(text):
+        for code in codes_of(text):
             if match := SELECTS.match(code.split()[0]):
                 selected = int(match[1])
             elif (heat := heat_of(code)) is not None:
                 tool = selected if heat.tool is None else heat.tool
                 if alone is None or tool == alone:
                     yield epoch, tool, heat if alone is None else heat._replace(tool=tool)
-
-
-def _codes(text: bytes) -> list[bytes]:
-    return [code for row in text.split(b"\n") if (code := command_of(row))]
-
-
-def _tools(job: PrintJob) -> list[int]:
-    return [int(tool) for tool in np.unique(job.contours.tool)]

@@ -19,7 +19,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.print.idle import Idle, Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.heads.file import HeadFile
+from sim.heads.file import HeadFile, Rests
 from sim.heads.walk import OWED_MM, Walk
 
 _OWN = IDLE_MARK.encode()  # behind a dwell at standby
@@ -36,7 +36,6 @@ LATE_S = 0.01  # files say milliseconds, each dwell up to one more
 _TOLD = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
 _STATED = re.compile(rb"M10[49] [SR] ?(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)  # by any source
 _HEATS = re.compile(rb"M0*10[49](?!\d)", re.I)
-_DWELL = re.compile(rb"G4 P(\d+)\Z")
 # What heats or cools in a way of its own: macros, homing and probing, changes, pauses, and more.
 _UNSEEN = re.compile(
     rb"(?![GMT]\d|EXCLUDE_OBJECT|SET_(?:PRINT_STATS_INFO|VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION"
@@ -117,8 +116,7 @@ def idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
     return frozenset(actions.contour[rows[idle]].tolist())
 
 
-@dataclass(slots=True)
-class Standby:
+class Standby(NamedTuple):
     """Lines that cool a hot end and heat it again."""
 
     lines: tuple[int, ...]  # of M400, M104, M104 and M109
@@ -126,96 +124,77 @@ class Standby:
 
 
 @dataclass(frozen=True, slots=True)
-class _Stills:
-    """Lines of a file, ascending, found once for all that is asked of it."""
+class _Heats:
+    """Lines of a file that heat or cool, ascending, found once for all that is asked of it."""
 
-    waits: list[int]
-    signals: list[int]
-    dwells: list[int]
-    seconds: list[float]  # of each dwell
     heats: list[int]  # commands to the hot end,
-    told: list[float | None]  # degrees that each says, where it is a plain one
+    stated: list[float | None]  # degrees that each states, where it is a plain one
     unseen: list[int]  # commands that may heat or cool in a way of their own
 
     @classmethod
-    def of(cls, file: HeadFile) -> _Stills:
-        found = cls(
-            [sync.line for sync in file.syncs if not sync.signal],
-            [sync.line for sync in file.syncs if sync.signal], [], [], [], [], [],
-        )  # fmt: skip
+    def of(cls, file: HeadFile) -> _Heats:
+        found = cls([], [], [])
         for line, code in file.others:
-            if match := _DWELL.match(code):
-                found.dwells.append(line)
-                found.seconds.append(int(match[1]) / 1000.0)
-            elif _HEATS.match(code):
+            if _HEATS.match(code):
                 match = _STATED.match(code)
                 found.heats.append(line)
-                found.told.append(None if match is None else float(match[1]))
+                found.stated.append(None if match is None else float(match[1]))
             elif _UNSEEN.match(code):
                 found.unseen.append(line)
         return found
 
-    def dwelt_s(self, above: int, below: int) -> float:
-        """Return the seconds dwelt below line `above` and above line `below`."""
-        return sum(self.seconds[bisect_right(self.dwells, above) : bisect_left(self.dwells, below)])
-
-    def told_above(self, line: int) -> float | None:
+    def stated_above(self, line: int) -> float | None:
         """Return how hot the hot end was told to be above a line; None: it is not known."""
         k = bisect_left(self.heats, line) - 1
         later = bisect_right(self.unseen, self.heats[k]) if k >= 0 else 0
         unseen = later < len(self.unseen) and self.unseen[later] < line
-        return None if k < 0 or unseen else self.told[k]
+        return None if k < 0 or unseen else self.stated[k]
 
 
 def _between(lines: Sequence[int], above: int, below: int) -> Sequence[int]:
     return lines[bisect_right(lines, above) : bisect_left(lines, below)]
 
 
-@dataclass(slots=True)
-class Idled:
-    """What is wrong where a head stands idle, and the lines that are right there."""
-
-    words: list[str] = field(default_factory=list)
-    lines: set[int] = field(default_factory=set)
-
-
 def check_idle(
     file: HeadFile, walk: Walk, begin: int, end: int, taken: Set[int], idling: Idling
-) -> Idled:
+) -> tuple[list[str], set[int]]:
     """Check what a file does where its head stands idle, between lines `begin` and `end`.
+
+    Returns what is wrong, and the lines that cool and heat again there.
 
     `taken` are the lines that are the source's own.
     """
-    found = Idled()
+    words, lines = list[str](), set[int]()
     own = [
         (line, code)
         for line, code in file.others
         if begin < line < end and line not in taken and (code == b"M400" or _TOLD.match(code))
     ]
-    groups, stills = list(_standbys(own)), _Stills.of(file)
-    windows = _windows(walk, begin, end)
+    groups, heats = list(_standbys(own)), _Heats.of(file)
+    windows = list(zip([begin, *walk.last], walk.ahead(end), strict=True))[:-1]
     free = [] if idling.stands is None else sorted(idling.stands.items())
     for group in groups:
-        found.lines.update(group.lines)
-        found.words += _told_wrong(file, stills, group, idling)
+        lines.update(group.lines)
+        words += _heated_wrong(file, heats, group, idling)
         if idling.stands is None:
-            found.words += _waitless(stills, group)
+            words += _waitless(file.rests, group)
             continue
         here = [n for n, (k, _) in enumerate(free) if _within(group, windows[k])]
         if not here:
-            found.words.append(
+            words.append(
                 f"line {group.lines[1]}: it cools where the plan has it wait for no long time"
             )
             continue
         late = [
-            list(_late(stills, group, free[n][1], windows[free[n][0]], idling.idle)) for n in here
+            list(_late(file.rests, group, stand, windows[k], idling.idle))
+            for k, stand in (free[n] for n in here)
         ]
-        best = next((i for i, words in enumerate(late) if not words), 0)  # a rest and what waits
-        found.words += late[best]  # behind it stand between the same lines
+        best = next((i for i, each in enumerate(late) if not each), 0)  # a rest and what waits
+        words += late[best]  # behind it stand between the same lines
         del free[: here[best] + 1]
-    found.words += _dwelt_elsewhere(file, stills, groups)
-    found.words += _pushed(file, stills, windows, idling)
-    return found
+    words += _dwelt_elsewhere(file, groups)
+    words += _pushed(file, windows, idling)
+    return words, lines
 
 
 def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[Standby]:
@@ -233,33 +212,22 @@ def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[Standby]:
             k += 1
 
 
-def _windows(walk: Walk, begin: int, end: int) -> list[tuple[int, int]]:
-    """Return the lines between which a head stands before each action."""
-    ahead, found = end, []
-    for k in range(len(walk.first) - 1, -1, -1):
-        ahead = walk.first[k] if walk.first[k] > 0 else ahead
-        found.append((walk.last[k - 1] if k and k <= len(walk.last) else begin, ahead))
-    return found[::-1]
-
-
 def _within(group: Standby, window: tuple[int, int]) -> bool:
     return window[0] < group.lines[0] and group.lines[-1] < window[1]
 
 
-def _waitless(stills: _Stills, group: Standby) -> Iterator[str]:
+def _waitless(rests: Rests, group: Standby) -> Iterator[str]:
     """Yield a line where there is nothing that a head stands for at standby, or while it heats."""
     first, last = group.lines[1], group.lines[-1]
-    if not _between(stills.waits, first, last) and not _between(stills.dwells, first, last):
+    if not _between(rests.waits, first, last) and not _between(rests.dwells, first, last):
         yield f"line {first}: it cools where it does not wait"
 
 
-def _told_wrong(
-    file: HeadFile, stills: _Stills, group: Standby, idling: Idling
-) -> Iterator[str]:  # fmt: skip
+def _heated_wrong(file: HeadFile, heats: _Heats, group: Standby, idling: Idling) -> Iterator[str]:
     """Yield what is wrong with the temperatures of a standby, or moves and signals within it."""
     first, last = group.lines[0], group.lines[-1]
     cold, warm, hot = group.degrees
-    due = stills.told_above(first)
+    due = heats.stated_above(first)
     if due is None:
         yield f"line {group.lines[1]}: it cools, and how hot it was is not known"
     elif not warm == hot == due:
@@ -271,44 +239,42 @@ def _told_wrong(
             f"line {group.lines[1]}: it cools to {cold:g} degrees, standby is "
             f"{idling.practice.standby_c:g}"
         )
-    others = {*_between(stills.heats, first, last), *_between(stills.unseen, first, last)}
+    others = {*_between(heats.heats, first, last), *_between(heats.unseen, first, last)}
     for line in sorted(others - set(group.lines)):
         yield f"line {line}: it may be heated or cooled otherwise while it stands at standby"
     if file.motion.before[first - 1] != file.motion.before[last - 1]:
         yield f"line {first}: it moves before it is hot again in line {last}"
-    if _between(stills.signals, first, last):
+    if _between(file.rests.signals, first, last):
         yield f"line {first}: others wait for it until it is hot again in line {last}"
 
 
-def _dwelt_elsewhere(
-    file: HeadFile, stills: _Stills, groups: Sequence[Standby]
-) -> Iterator[str]:  # fmt: skip
+def _dwelt_elsewhere(file: HeadFile, groups: Sequence[Standby]) -> Iterator[str]:
     """Yield the dwells at standby that stand beside no standby."""
     within = {
         line
         for group in groups
-        for line in _between(stills.dwells, group.lines[0], group.lines[-1])
+        for line in _between(file.rests.dwells, group.lines[0], group.lines[-1])
     }
-    for line in stills.dwells:
+    for line in file.rests.dwells:
         if line not in within and file.row(line).rstrip().endswith(_OWN):
             yield f"line {line}: it dwells as at standby, and is at none"
 
 
 def _late(
-    stills: _Stills, group: Standby, stand: Stand, window: tuple[int, int], idle: Idle
+    rests: Rests, group: Standby, stand: Stand, window: tuple[int, int], idle: Idle
 ) -> Iterator[str]:
     """Yield what makes a head stand longer than planned, or not be hot in time."""
     _, cool, heat, last = group.lines
-    waits = _between(stills.waits, cool, last)
+    waits = _between(rests.waits, cool, last)
     begins = min(waits, default=last)  # of what it waits for
-    before = until = stills.dwelt_s(cool, min(begins, heat))
+    before = until = rests.between_s(cool, min(begins, heat))
     if waits and begins < heat:
-        until = stand.seconds - stand.behind_s + stills.dwelt_s(begins, heat)
+        until = stand.seconds - stand.behind_s + rests.between_s(begins, heat)
     takes = (group.degrees[1] - group.degrees[0]) / idle.heat_c_s
     if waits:
         known_s = stand.seconds - stand.behind_s
     else:  # what it waits for has happened above, or it waits for nothing
-        known_s = stand.behind_s if _between(stills.waits, window[0], cool) else stand.seconds
+        known_s = stand.behind_s if _between(rests.waits, window[0], cool) else stand.seconds
     if before > known_s + LATE_S:
         yield f"line {cool}: it dwells {before:.1f} s at standby, and may go on sooner by the plan"
     if until + takes > stand.seconds + LATE_S:
@@ -318,12 +284,10 @@ def _late(
         )
 
 
-def _pushed(
-    file: HeadFile, stills: _Stills, windows: Sequence[tuple[int, int]], idling: Idling
-) -> Iterator[str]:
+def _pushed(file: HeadFile, windows: Sequence[tuple[int, int]], idling: Idling) -> Iterator[str]:
     """Yield the stands in which filament is not pulled back as far as it has to be."""
     deep, motion = idling.practice.retract_mm, file.motion
-    still = sorted(stills.waits + stills.dwells)
+    still = sorted(file.rests.waits + file.rests.dwells)
     for k in sorted(idling.stands or ()):
         low, high = windows[k]
         last = bisect_left(still, high) - 1  # others may be for what stands still above

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.controller.motion import Motion
@@ -16,17 +15,13 @@ SAME_MM = 1.1e-3  # files have three decimals
 E_MM = 5e-5
 FEED_MM_S = 1e-3
 
-Floats = NDArray[np.float64]
 
+class Bead(NamedTuple):
+    """A contour that a file prints: moves begin..end - 1."""
 
-@dataclass(frozen=True, slots=True)
-class Laid:
-    """What one print action lays down, in its direction."""
-
-    points: Floats  # (k, 3)
-    extrusion: Floats  # (k - 1,)
-    feed: Floats  # (k - 1,)
-    state: list[int]  # (k - 1,) rows of the source's states
+    contour: int
+    begin: int
+    end: int
 
 
 def pairs_of_states(

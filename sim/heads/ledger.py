@@ -22,32 +22,29 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.document import Block
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from sim.arrays import Floats, Ints
 from sim.content.pieces import beginnings
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.files.ledger import MORE_MM, NET_MM, TOTAL_MM, Book, lines_in_source, tools_of
-from sim.heads.changes import nets_of_tools
+from sim.files.ledger import (
+    MORE_MM,
+    NET_MM,
+    TOTAL_MM,
+    Book,
+    in_words,
+    lines_in_source,
+    tools_of,
+)
+from sim.heads.changes import NO_GAP, gaps_of_tools
 from sim.heads.file import HeadFile
+from sim.heads.laid import Bead
 
 UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
 # that may move filament unseen, or after which it is another tool's
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True)
-class Bead:
-    """A contour that a file prints: moves begin..end - 1."""
-
-    contour: int
-    begin: int
-    end: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,26 +105,26 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
     spans = lines_in_source(document)
     book = Book.of(source, laid, contour[laid], spans)
     n, tools, line = len(begins), tools_of(source), np.asarray(source.line)
-    owed = _owed_by_tool(extrusion, tools)
+    owed = {t: _owed(np.where(tools == t, extrusion, 0.0)) for t in np.unique(tools).tolist()}
     left, above = np.zeros(len(document.blocks)), np.full(len(document.blocks), np.nan)
     net, start = np.zeros(n), 0.0
     for k, c in enumerate(book.contour.tolist()):
         stands = int(book.lines[k])
         if stands < 0:
-            net[c] = book.net[k]
+            net[c] = book.before.net[k]
             continue
         last = spans[stands]
         assert last is not None
         at = int(np.searchsorted(line, last[1] + 1))
-        pushed = float(book.net[k] - owed[tools[book.bead[k]]][at])
+        pushed = float(book.before.net[k] - owed[tools[book.bead[k]]][at])
         if stands == 0:
             start = pushed
         else:
-            above[stands - 1], left[stands - 1] = book.net_above[k], pushed
+            above[stands - 1], left[stands - 1] = book.above.net[k], pushed
             net[c] = pushed if belongs_to_bead(document.blocks[stands - 1]) else 0.0
     beside = np.zeros(len(document.blocks))
     parted = book.lines > 0
-    deep = -np.minimum(np.minimum(book.low, book.low_above), book.deepest)
+    deep = -np.minimum(np.minimum(book.before.low, book.above.low), book.deepest)
     beside[book.lines[parted] - 1] = deep[parted]
     kept = book.kept & (np.arange(len(book.bead)) > 0)
     usual = {t: float(-book.deepest[kept & (book.tool == t)].min(initial=0.0)) for t in owed}
@@ -151,11 +148,11 @@ def _without_changes(
     `number` is the tool of each contour, `primes` what primes each tool. Returns what the source
     pushes behind the first change to each tool, beyond what is retracted.
     """
-    since = nets_of_tools(source, number)
+    since = gaps_of_tools(source, number)
     free = [c for k, c in enumerate(book.contour.tolist()) if book.lines[k] < 0]
     for c in free:
         changed = c > 0 and number[c] != number[c - 1] and c in since
-        net[c] = since.get(c, 0.0) - (primes.get(int(number[c]), 0.0) if changed else 0.0)
+        net[c] = since.get(c, NO_GAP).net - (primes.get(int(number[c]), 0.0) if changed else 0.0)
     starts, line = dict[int, float](), np.asarray(source.line)
     tools, given = tools_of(source), np.asarray(source.extrusion)
     for own in document.own_starts:
@@ -180,11 +177,6 @@ def _of_pieces(
     parted = np.bincount(of, minlength=len(begins))[of] > 1
     own = np.add.reduceat(contours.extrusion, contours.offsets[:-1])
     return first, np.where(parted, own, given[of])
-
-
-def _owed_by_tool(extrusion: Floats, tools: Ints) -> dict[int, Floats]:
-    """Return how much each tool has retracted before each move and behind all, (m + 1,) mm."""
-    return {t: _owed(np.where(tools == t, extrusion, 0.0)) for t in np.unique(tools).tolist()}
 
 
 def _owed(extrusion: Floats) -> Floats:
@@ -264,7 +256,8 @@ class _Account:
         if abs(net - due) > NET_MM:
             self.texts.append(
                 f"line {self._line(bead.begin)} begins contour {bead.contour} with "
-                f"{_words(net - self.retracted)}, the source with {_words(due - self.retracted)}"
+                f"{in_words(net - self.retracted)}, the source with "
+                f"{in_words(due - self.retracted)}"
             )
         given = self.total[bead.end] - self.total[bead.begin]
         self.over += net - due + given - float(dues.extrusion[bead.contour])
@@ -294,7 +287,7 @@ class _Account:
                 if abs(net - due) > NET_MM:
                     self.texts.append(
                         f"above line {lines[0]} the source's line {block.line} is begun with "
-                        f"{_words(net - self.retracted)}, in the source with {_words(above)}"
+                        f"{in_words(net - self.retracted)}, in the source with {in_words(above)}"
                     )
                 self.over += net - due
                 self.retracted = -above
@@ -332,8 +325,3 @@ class _Account:
     def _line(self, move: int) -> int:
         lines = self.head.file.motion.line
         return int(lines[min(move, len(lines) - 1)]) + 1
-
-
-def _words(net: float) -> str:
-    """Return in words what is left retracted, or pushed on the spot."""
-    return f"{net:.4g} mm pushed on the spot" if net > 0.0 else f"{abs(net):.4g} mm retracted"

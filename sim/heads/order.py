@@ -4,53 +4,35 @@ A sync point signals a number, or waits for one. Every edge of the plan must be 
 for a number that is signalled no sooner than the edge asks: at the end of an action, or at a
 point within one. Numbers are used for nothing else, no head stops within an action, and all
 files taken together never deadlock.
+
+A head's signals must be as far apart in time as its controller can tell them apart: Klipper drops
+changes of an output nearer than 0.1 s, so of two such signals none may come. Times are the least
+that the lines of a file can take: their moves at the feeds they name, without acceleration, and
+what they dwell. A wait takes as long as it takes, at least none.
 """
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
+from sim.arrays import Floats
 from sim.faults import Fault, FaultKind, listed
-from sim.heads.file import HeadFile, Sync
-from sim.heads.intervals import Intervals
-from sim.heads.sync import Knowledge
+from sim.heads.file import HeadFile, Rests
+from sim.heads.sync import Knowledge, Sync
 from sim.heads.walk import Walk
 
+ROUNDING_S = 1e-4
+SPARE, SPARE_S = 0.1, 0.01  # by which a writer may put signals further apart
 LAG_TOLERANCE_S = 1e-3  # files say milliseconds
-_DWELL = re.compile(rb"G4 P(\d+)\Z")
-Windows = tuple[list[int], list[int]]
-
-
-@dataclass(frozen=True, slots=True)
-class Rests:
-    """Where one head's file waits and stands still, found once for all that is asked of it."""
-
-    waits: list[int]  # (w,) lines of waits, ascending
-    dwells: list[int]  # (d,) lines of dwells, ascending
-    total_ms: list[int]  # (d + 1,) all dwells before each of them, and all of them
-
-    @classmethod
-    def of(cls, file: HeadFile) -> Rests:
-        """Return the waits and dwells of a file; every command is read once."""
-        found = ((line, _DWELL.match(code)) for line, code in file.others)
-        dwells = [(line, int(match[1])) for line, match in found if match is not None]
-        waits = [sync.line for sync in file.syncs if not sync.signal]
-        total_ms = list(accumulate((ms for _, ms in dwells), initial=0))
-        return cls(waits, [line for line, _ in dwells], total_ms)
-
-    def between_s(self, above: int, below: int) -> float:
-        """Return the seconds dwelt below line `above` and above line `below`."""
-        low, high = bisect_right(self.dwells, above), bisect_left(self.dwells, below)
-        return (self.total_ms[max(low, high)] - self.total_ms[low]) / 1000.0
+Windows = tuple[list[int], list[int]]  # lines between which the sync points of actions stand
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,23 +66,24 @@ def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) ->
 
 def check_order(
     files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[Parts],
-    walks: list[Walk], interval_s: float = 0.0, *, read: bool = False,
+    walks: list[Walk], intervals: Intervals, *, read: bool = False,
 ) -> list[Fault]:  # fmt: skip
     """Check that the files order what the plan orders, and keep set-up first and end code last.
 
     With `read` the plan was read from the files. It then has no edge for what a head knows
     already, so waits without an edge of the plan are no faults. A signal may be given later than at
-    its point where another is nearer than `interval_s`. Each edge, wait and dwell costs
+    its point where another is nearer than `intervals` allow. Each edge, wait and dwell costs
     O(log n), whatever else the files hold.
     """
     lines = []
     heads = range(len(files))
     firsts = [next((line for line in walks[h].first if line > 0), parts[h].end_code) for h in heads]
     lasts = [max(walks[h].last, default=parts[h].parked) for h in heads]
-    rests = [Rests.of(file) for file in files]
-    windows = [_windows(walks[h], parts[h]) for h in heads]
+    windows = [
+        ([part.parked, *walk.last], walk.ahead(part.end_code))
+        for part, walk in zip(parts, walks, strict=True)
+    ]
     given = {s.number: (g, s) for g, file in enumerate(files) for s in file.syncs if s.signal}
-    intervals = Intervals(files, interval_s)
     for h in heads:
         name = plan.heads[h].head
         for g in heads:
@@ -116,10 +99,10 @@ def check_order(
             if g == h - 1 and known.done(h, parts[h].end_code, g) < _last_end(files[g], parts[g]):
                 lines.append(f"the end codes of heads {other} and {name} may run at once")
         lines += _in_motion(files[h], given, firsts, lasts, h, name)
-        begins = _next_moves(walks[h])
-        lines += _unkept(rests[h], begins, plan, known, walks, h)
-        lines += _unrested(rests[h], begins, plan, known, walks, h)
-        lines += _stops(files[h], rests[h], plan.heads[h], walks[h])
+        begins = walks[h].ahead(0)
+        lines += _unkept(files[h].rests, begins, plan, known, walks, h)
+        lines += _unrested(files[h].rests, begins, plan, known, walks, h)
+        lines += _stops(files[h], plan.heads[h], walks[h])
         if not read:
             lines += _unplanned(files, plan, parts, walks, h, given, windows, firsts, intervals)
     return listed(FaultKind.PRECEDENCE, lines)
@@ -140,15 +123,6 @@ def _in_motion(
         f"head {name} line {s.line} waits behind its print for a signal not given at rest"
         for s in late
     ]
-
-
-def _next_moves(walk: Walk) -> list[int]:
-    """Return the line of the first move of each action or of a later one; 0 where there is none."""
-    begins = [*walk.first, 0]
-    for k in range(len(walk.first) - 1, -1, -1):
-        if begins[k] <= 0:
-            begins[k] = begins[k + 1]
-    return begins
 
 
 def _last_end(file: HeadFile, part: Parts) -> int:
@@ -222,9 +196,9 @@ def _unrested(
     return lines
 
 
-def _stops(file: HeadFile, rests: Rests, actions: HeadActions, walk: Walk) -> list[str]:
+def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
     """Return the lines that make a head stand still within an action."""
-    lines = rests.dwells + [sync.line for sync in file.syncs if not sync.moving]
+    lines = file.rests.dwells + [sync.line for sync in file.syncs if not sync.moving]
     return [
         f"head {actions.head} line {line} stops the head within action {k}"
         for line in lines
@@ -265,15 +239,6 @@ def _unplanned(
     return lines
 
 
-def _windows(walk: Walk, part: Parts) -> Windows:
-    """Return the lines between which the sync points before each action, and at the end, stand."""
-    low = [part.parked, *walk.last]
-    high = [part.end_code] * (len(walk.first) + 1)
-    for k in range(len(walk.first) - 1, -1, -1):
-        high[k] = walk.first[k] if walk.first[k] > 0 else high[k + 1]
-    return low, high
-
-
 def _passed(walk: Walk, line: int) -> set[tuple[int, int]]:
     """Return the points of an action that a head came to last above a line."""
     k = bisect_right(walk.last, line)
@@ -300,3 +265,48 @@ def last_points(plan: JointPlan, head: int) -> dict[int, int]:
         np.maximum.at(found, action[within], point[within])
     waited = np.flatnonzero(found >= 0)
     return dict(zip(waited.tolist(), found[waited].tolist(), strict=True))
+
+
+def least_clock(file: HeadFile) -> Floats:
+    """Return the least seconds from the begin of a file to each of its lines, (lines + 2,)."""
+    motion = file.motion
+    clock = np.zeros(len(file.lines) + 2)  # clock[k]: all lines above k, from 1, have been run
+    length = np.linalg.norm(np.diff(motion.points, axis=0), axis=1)
+    moving = (length > 0.0) & (motion.feed > 0.0)
+    seconds = length[moving] / motion.feed[moving]
+    np.add.at(clock, motion.line[moving] + 2, seconds)
+    clock[np.array(file.rests.dwells, np.int64) + 1] += np.diff(file.rests.total_ms) / 1000.0
+    return np.asarray(np.cumsum(clock))
+
+
+class Intervals:
+    """The least times of all files, and what an interval excuses."""
+
+    def __init__(self, files: Sequence[HeadFile], interval_s: float) -> None:
+        self._files, self._interval_s = files, interval_s
+        self._near_s = interval_s * (1.0 + SPARE) + SPARE_S if interval_s > 0.0 else 0.0
+        self._clocks = [least_clock(file) for file in files] if interval_s > 0.0 else []
+
+    def check(self) -> list[Fault]:
+        """Check that each head leaves so many seconds between two of its signals."""
+        lines = [
+            f"{Path(file.path).name} line {later} signals {clock[later] - clock[line]:.3f} s after "
+            f"line {line}, the machine's controllers tell {self._interval_s:g} s apart"
+            for file, clock in zip(self._files, self._clocks, strict=False)
+            for line, later in pairwise(file.rests.signals)
+            if clock[later] - clock[line] < self._interval_s - ROUNDING_S
+        ]
+        return listed(FaultKind.COMMAND, lines)
+
+    def excuse(self, head: int, reached: int, line: int) -> bool:
+        """Tell whether what a head reached in a line may be signalled in a later one for this.
+
+        That is where another signal would be too near: the later one itself, or the one before.
+        """
+        if self._near_s <= 0.0 or line <= reached:
+            return False
+        clock, given = self._clocks[head], self._files[head].rests.signals
+        k = bisect_left(given, line)
+        passed = clock[reached + 1]
+        behind = k > 0 and passed - clock[given[k - 1]] < self._near_s
+        return bool(clock[line] - passed < self._near_s or behind)

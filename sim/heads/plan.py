@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.print.job import PrintJob
@@ -28,6 +27,7 @@ from decmcts.print.plan import (
     JointPlan,
     PlanDocument,
 )
+from sim.arrays import Floats, Ints
 from sim.content.inventory import (
     NO_MATCH,
     Segments,
@@ -48,8 +48,6 @@ from sim.replay.execution import execute
 from sim.replay.least import least_arrivals
 from sim.rules.order import PartialOrder, order_of
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 ACTION_S = 1.0  # more than its motion; times mean nothing: files are judged for every timing
 
 
@@ -159,8 +157,7 @@ def _begin(file: HeadFile) -> int:
 
     A head that signals nothing goes up, goes across to its park position, and begins.
     """
-    given = [s.line for s in file.syncs if s.signal]
-    if given:
+    if given := file.rests.signals:
         return int(file.motion.before[given[0] - 1])
     across = axis_moves(file)[1:2]
     return int(file.motion.before[across[0]]) if across else 0
@@ -176,7 +173,8 @@ def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act
         last = acts[-1] if acts else None
         if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
             continue  # a wipe back along a bead belongs to it (`sim.heads.walk`)
-        parted = last is None or any(last.last < at < line for at in _last_above(syncs, line))
+        above = bisect_left(syncs, line)
+        parted = last is None or (above > 0 and syncs[above - 1] > last.last)
         if parted or last is None or last.contour != key:
             acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
         else:
@@ -222,12 +220,6 @@ def _dots_of(job: PrintJob) -> cKDTree | None:
     ends = contour_segments(job.contours).ends
     dots = ends[(ends[:, :3] == ends[:, 3:]).all(axis=1), :3]
     return cKDTree(dots) if len(dots) else None
-
-
-def _last_above(lines: list[int], line: int) -> list[int]:
-    """Return the last of these ascending lines that is above a line, as a list of one or none."""
-    k = int(np.searchsorted(lines, line))
-    return lines[max(0, k - 1) : k]
 
 
 def _snap(act: _Act, job: PrintJob) -> None:

@@ -8,13 +8,12 @@ together must order what the plan orders (`sim.heads.order`), so a single file p
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
@@ -23,6 +22,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
+from sim.arrays import Floats
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
@@ -30,13 +30,12 @@ from sim.files.commands import accepted, is_move, known_settings
 from sim.files.written import moves_of, source_text
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
-from sim.heads.heat import Due, heat_due, heats_early, unheated
-from sim.heads.idle import Idled, Idling, check_idle
-from sim.heads.intervals import check_intervals
+from sim.heads.heat import heat_due, heats_early, unheated
+from sim.heads.idle import Idling, check_idle
 from sim.heads.laid import SAME_MM
-from sim.heads.ledger import Bead, Printed, behind, belongs_to_bead, check_filament, dues_of
+from sim.heads.ledger import Printed, behind, belongs_to_bead, check_filament, dues_of
 from sim.heads.macros import check_words
-from sim.heads.order import Parts, check_order, check_sync, last_points
+from sim.heads.order import Intervals, Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, Walk, Walker, differing
 
@@ -55,7 +54,6 @@ def verify_heads(
     words: SyncWords = USUAL_WORDS,
     idles: Sequence[Idle] | None = None,
     read: bool = False,
-    told: Callable[[str], None] = lambda step: None,
 ) -> Verdict:
     """Check the files of all heads of a plan, in the plan's order of heads.
 
@@ -75,24 +73,17 @@ def verify_heads(
         What each head does where it stands idle; None: as the source.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
-    told : function
-        Called with what is done next, in a few words.
     """
-    files = []
     try:
-        for path in paths:
-            told(f"reading {Path(path).name} back")
-            files.append(read_head_file(path, words))
+        files = [read_head_file(path, words) for path in paths]
     except InputError as error:
         return unreadable(error)
     if faults := check_names(files, plan):
         return Verdict(tuple(faults))
     walked = []
     for h, (file, park) in enumerate(zip(files, parks, strict=True)):
-        told(f"walking the file of head {plan.heads[h].head} along the plan")
         idle = Idle() if idles is None else idles[h]
         walked.append(walk_file(file, h, plan, job, document, park, idle, read=read))
-    told(ORDERED)
     return judge_together(
         walked, plan, job, document, release=release, interval_s=interval_s, words=words, read=read
     )
@@ -111,9 +102,6 @@ def verify_heads_on(
     )  # fmt: skip
 
 
-ORDERED = "what the files' sync points order"
-
-
 @dataclass(frozen=True, slots=True)
 class Walked:
     """One head's file walked along its actions."""
@@ -126,7 +114,7 @@ class Walked:
 
 
 def unreadable(error: InputError) -> Verdict:
-    """Return what is said of files of which one cannot be read."""
+    """Return the verdict on files of which one cannot be read."""
     return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
 
 
@@ -136,113 +124,15 @@ def walk_file(
 ) -> Walked:  # fmt: skip
     """Check all that one head's file has by itself; the order between files is checked later."""
     actions, waited = plan.heads[head], last_points(plan, head)
-    due, arcs = heat_due(document, job), turns_of_print(job, document)
-    tool = _tool_of(actions, job)
+    due, tool = heat_due(document, job), _tool_of(actions, job)
     idling = Idling.of(idle, actions, head, job, tool, timed=not read)
-    part, walk, faults = _judge_one(
-        file, actions, job, document, park, waited, due, tool, idling
-    )  # fmt: skip
-    return Walked(file, part, walk, faults + _check_arcs(file, part, actions, arcs), idling)
-
-
-def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:
-    """Return the tool that a head prints with first; None: it prints nothing."""
-    tools = np.unique(job.contours.tool[actions.contour[actions.kind == ActionKind.PRINT]])
-    return int(tools[0]) if len(tools) else None
-
-
-def judge_together(
-    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument, *,
-    release: Release, interval_s: float, words: SyncWords, read: bool = False,
-) -> Verdict:  # fmt: skip
-    """Check what the files of all heads do together; of each the faults found so far come first."""
-    files, parts = [each.file for each in walked], [each.part for each in walked]
-    if named := check_names(files, plan):
-        return Verdict(tuple(named))
-    walks = [each.walk for each in walked]
-    faults = [fault for each in walked for fault in each.faults]
-    complete = all(walk.complete for walk in walks)
-    if complete:
-        faults += _check_filament(walked, plan, job, document)
-    if (source := source_text(document)) is not None:
-        faults += check_heads_book([file.lines.text for file in files], source)
-        if document.own_starts and complete:
-            laid = [(each.file, each.walk.laid) for each in walked]
-            faults += check_hot_ends(laid, source, job, document)
-    known = Knowledge([file.syncs for file in files])
-    faults += check_words(words, release) + check_sync(files, known, release)
-    apart_s = interval_s if release == "point" else 0.0
-    faults += check_intervals(files, apart_s)
-    if complete and not known.stuck:
-        faults += check_order(files, plan, known, parts, walks, apart_s, read=read)
-    signals = sum(len(file.syncs) for file in files)
-    return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
-
-
-def _check_filament(
-    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument
-) -> list[Fault]:
-    """Check what all files give against what the source gives, by tool and between beads."""
-    source = document.moves if document.moves is not None else moves_of(document)
-    if source is None or not len(job.contours):
-        return []
-    heads = []
-    for each, actions in zip(walked, plan.heads, strict=True):
-        part, laid, idling = each.part, each.walk.laid, each.idling
-        if laid:
-            tool = int(job.contours.tool[laid[0][0]])
-            beads, practice = [Bead(*bead) for bead in laid], idling.practice
-            heads.append(
-                Printed(
-                    actions.head, each.file, tool, part.begin, beads, part.blocks, part.end,
-                    practice.prime_mm, idling.primed, practice.retract_mm,
-                    idling.pulled_before(actions),
-                )
-            )  # fmt: skip
-    return check_filament(heads, dues_of(source, job, document), job, document)
-
-
-def _check_arcs(file: HeadFile, part: Parts, actions: HeadActions, arcs: Turns) -> list[Fault]:
-    """Check that a head's file has the arcs of the contours it prints, and no other."""
-    prints = actions.kind == ActionKind.PRINT
-    moved = set(actions.contour[prints & (actions.entry > 0)].tolist())
-    due = arcs.of(set(actions.contour[prints].tolist()))
-    return check_arcs(turns_between(file.motion, part.begin, part.end), due, moved)
-
-
-def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
-    """Check that there is one file for each head, and that each says so."""
-    if len(files) != len(plan.heads):
-        there = {file.name for file in files}
-        absent = ", ".join(actions.head for actions in plan.heads if actions.head not in there)
-        said = f"{len(files)} files for {len(plan.heads)} heads; name the files of all heads"
-        return [Fault(FaultKind.FILE, said + (f", that of {absent} too" if absent else ""))]
-    lines = []
-    for k, (file, actions) in enumerate(zip(files, plan.heads, strict=True)):
-        if file.name != actions.head or file.place != (k + 1, len(files)):
-            says = f"head {file.name}, file {file.place[0]} of {file.place[1]}"
-            lines.append(
-                f"{Path(file.path).name} says it is for {says if file.name else 'no head'}, it "
-                f"should be for head {actions.head}, file {k + 1} of {len(files)}"
-            )
-    return listed(FaultKind.COMMAND, lines)
-
-
-def _judge_one(
-    file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
-    waited: Mapping[int, int], due: Due, tool: int | None, idling: Idling,
-) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
-    """Check one file against its head's actions; the order between files is checked later.
-
-    `waited` has for each action the last of its points that another head waits for.
-    """
     words: list[str] = []
     own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
     more = document.own_start(tool)
     begins_with = document.preamble + (b"" if more is None else more.text)
     start = own_of(begins_with, homes=True, relative_e=False, selected=_selected(job, 0))
     waits = next((sync.line for sync in file.syncs), 0)
-    early = heats_early(file.rest, waits, start)
+    early, whole = heats_early(file.rest, waits, start), file
     file = replace(file, rest=file.rest[early:], others=file.others[early:])
     over = -np.inf if job.printed is None else float(job.printed.top.max())
     low, parked = _match_start(file, document, start, park, words, over)
@@ -286,28 +176,117 @@ def _judge_one(
     ).run()
     words += walk.faults
     words += _check_blocks(file, actions, job, document, blocks, walk)
-    idled = Idled()
+    at_standby = set[int]()
     if walk.complete:
-        idled = check_idle(file, walk, parked, end_code, taken, idling)
-        words += idled.words
+        wrong, at_standby = check_idle(file, walk, parked, end_code, taken, idling)
+        words += wrong
     if walk.complete and tool is not None:
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
         own = {line for line, _ in file.rest[:low]} | taken
         words += unheated(file.rest, file.others, walk.first[int(prints[0])], due, own)
-    known = known_settings(document)
+    begins_body = file.rest[low][0] if low < len(file.rest) else beyond
     last = end_code if high < len(file.rest) else beyond
-    for line, code in file.others:
-        if not (low < len(file.rest) and file.rest[low][0] <= line < last):
-            continue
-        if line in taken or line in idled.lines:
-            continue
-        if not (is_move(code) or accepted(file.row(line), known)):
-            words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
-    words += [f"line {line}: no M400 stands before this signal at rest" for line in file.loose]
-    words += [f"line {line} {what}" for line, what in file.amiss]
-    words += [f"line {line}: a dwell stands before this signal in motion" for line in file.still]
+    words += _foreign(file, document, range(begins_body, last), taken | at_standby)
+    words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
-    return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])
+    faults = listed(FaultKind.COMMAND, [where + text for text in words])
+    arcs = _check_arcs(file, part, actions, turns_of_print(job, document))
+    return Walked(whole, part, walk, faults + arcs, idling)
+
+
+def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:
+    """Return the tool that a head prints with first; None: it prints nothing."""
+    tools = np.unique(job.contours.tool[actions.contour[actions.kind == ActionKind.PRINT]])
+    return int(tools[0]) if len(tools) else None
+
+
+def judge_together(
+    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument, *,
+    release: Release, interval_s: float, words: SyncWords, read: bool = False,
+) -> Verdict:  # fmt: skip
+    """Check what the files of all heads do together; of each the faults found so far come first."""
+    files, parts = [each.file for each in walked], [each.part for each in walked]
+    if named := check_names(files, plan):
+        return Verdict(tuple(named))
+    walks = [each.walk for each in walked]
+    faults = [fault for each in walked for fault in each.faults]
+    complete = all(walk.complete for walk in walks)
+    if complete:
+        faults += _check_filament(walked, plan, job, document)
+    if (source := source_text(document)) is not None:
+        faults += check_heads_book([file.lines.text for file in files], source)
+        if document.own_starts and complete:
+            laid = [(each.file, each.walk.laid) for each in walked]
+            faults += check_hot_ends(laid, source, job, document)
+    known = Knowledge([file.syncs for file in files])
+    faults += check_words(words, release) + check_sync(files, known, release)
+    intervals = Intervals(files, interval_s if release == "point" else 0.0)
+    faults += intervals.check()
+    if complete and not known.stuck:
+        faults += check_order(files, plan, known, parts, walks, intervals, read=read)
+    signals = sum(len(file.syncs) for file in files)
+    return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
+
+
+def _check_filament(
+    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument
+) -> list[Fault]:
+    """Check what all files give against what the source gives, by tool and between beads."""
+    source = moves_of(document)
+    if source is None or not len(job.contours):
+        return []
+    heads = []
+    for each, actions in zip(walked, plan.heads, strict=True):
+        part, laid, idling = each.part, each.walk.laid, each.idling
+        if laid:
+            tool = int(job.contours.tool[laid[0].contour])
+            practice = idling.practice
+            heads.append(
+                Printed(
+                    actions.head, each.file, tool, part.begin, laid, part.blocks, part.end,
+                    practice.prime_mm, idling.primed, practice.retract_mm,
+                    idling.pulled_before(actions),
+                )
+            )  # fmt: skip
+    return check_filament(heads, dues_of(source, job, document), job, document)
+
+
+def _check_arcs(file: HeadFile, part: Parts, actions: HeadActions, arcs: Turns) -> list[Fault]:
+    """Check that a head's file has the arcs of the contours it prints, and no other."""
+    prints = actions.kind == ActionKind.PRINT
+    moved = set(actions.contour[prints & (actions.entry > 0)].tolist())
+    due = arcs.of(set(actions.contour[prints].tolist()))
+    return check_arcs(turns_between(file.motion, part.begin, part.end), due, moved)
+
+
+def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
+    """Check that there is one file for each head, and that each says so."""
+    if len(files) != len(plan.heads):
+        there = {file.name for file in files}
+        absent = ", ".join(actions.head for actions in plan.heads if actions.head not in there)
+        text = f"{len(files)} files for {len(plan.heads)} heads; name the files of all heads"
+        return [Fault(FaultKind.FILE, text + (f", that of {absent} too" if absent else ""))]
+    lines = []
+    for k, (file, actions) in enumerate(zip(files, plan.heads, strict=True)):
+        if file.name != actions.head or file.place != (k + 1, len(files)):
+            says = f"head {file.name}, file {file.place[0]} of {file.place[1]}"
+            lines.append(
+                f"{Path(file.path).name} says it is for {says if file.name else 'no head'}, it "
+                f"should be for head {actions.head}, file {k + 1} of {len(files)}"
+            )
+    return listed(FaultKind.COMMAND, lines)
+
+
+def _foreign(
+    file: HeadFile, document: GcodeDocument, lines: range, known: set[int]
+) -> Iterator[str]:
+    """Yield what may not stand between contours, in these lines but for those that are known."""
+    settings = known_settings(document)
+    for line, code in file.others:
+        if line not in lines or line in known:
+            continue
+        if not (is_move(code) or accepted(file.row(line), settings)):
+            yield f"line {line}: '{_text(code)}' is not in the source at this place"
 
 
 def _selected(job: PrintJob, tool: int) -> int | None:
@@ -348,7 +327,7 @@ def _match_start(
     return min(row, len(file.rest)), parked
 
 
-def _stands(file: HeadFile, row: int) -> tuple[int, NDArray[np.float64]]:
+def _stands(file: HeadFile, row: int) -> tuple[int, Floats]:
     """Return the line above a row of `rest`, and where the head stands behind it, (3,) mm."""
     line = file.rest[min(row, len(file.rest)) - 1][0]
     return line, file.motion.points[file.motion.before[min(line, len(file.lines))]]

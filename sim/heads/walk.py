@@ -15,22 +15,20 @@ from dataclasses import dataclass, field
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.content.seams import Moved, Run, run_of
+from sim.arrays import Flags, Floats, Ints
+from sim.content.seams import Laid, laid_by
 from sim.heads.file import HeadFile
-from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Laid, pairs_of_states
+from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Bead, pairs_of_states
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
 _PRINT, _TRAVEL, _PARK, _ = map(int, ActionKind)  # plain numbers compare faster
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -40,9 +38,20 @@ class Walk:
     first: list[int] = field(default_factory=list)  # (k,) line of each action's first move
     last: list[int] = field(default_factory=list)  # (k,) line of the last move up to its end
     reached: list[list[int]] = field(default_factory=list)  # (k,) line of the move to each point
-    laid: list[tuple[int, int, int]] = field(default_factory=list)  # contour, moves begin..end - 1
+    laid: list[Bead] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     complete: bool = False
+
+    def ahead(self, beyond: int) -> list[int]:
+        """Return the line of the first move of each action or of a later one, (k + 1,).
+
+        It is `beyond` where there is none.
+        """
+        lines = [*self.first, beyond]
+        for k in range(len(self.first) - 1, -1, -1):
+            if lines[k] <= 0:
+                lines[k] = lines[k + 1]
+        return lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +95,7 @@ class Walker:
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._moves = _Moves.of(file)
+        self._line, self._stays = self._moves.line, self._moves.stays
         self._trusts = True  # that beads are as they should be: they are looked at later
         self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()
         self._reversed, self._entry = actions.reversed.tolist(), actions.entry.tolist()
@@ -130,14 +140,14 @@ class Walker:
         for k in range(len(self.actions)):
             self.walk.first.append(-1)
             self.walk.reached.append([])
-            said = self._act(k)
-            if said:
-                self.walk.faults.append(said)
+            problem = self._act(k)
+            if problem:
+                self.walk.faults.append(problem)
                 return self.walk
-            self.walk.last.append(self._line(self.at - 1))
+            self.walk.last.append(self._line[self.at - 1])
         while self.at < self.end:
-            if not self._stays(self.at):
-                self.walk.faults.append(f"line {self._line(self.at)} is a move no plan has")
+            if not self._stays[self.at]:
+                self.walk.faults.append(f"line {self._line[self.at]} is a move no plan has")
                 return self.walk
             self._still()
         self.walk.complete = True
@@ -153,13 +163,13 @@ class Walker:
     def _travel(self, k: int) -> str:
         moves, rows = self._moves, slice(self._bounds[k], self._bounds[k + 1])
         path, apart = self.actions.path[rows], self._apart[rows]
-        line = self._line(self.at - 1)
+        line = self._line[self.at - 1]
         reached = self.walk.reached[k] = []
         for is_apart, (x, y, z) in zip(apart.tolist(), path.tolist(), strict=True):
             if not is_apart:
                 reached.append(line)
                 continue
-            while self.at < self.end and self._stays(self.at):
+            while self.at < self.end and self._stays[self.at]:
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
@@ -189,17 +199,17 @@ class Walker:
         if isinstance(laid, str):
             return laid
         a, b = self._begin_of[contour], self._begin_of[contour + 1]
-        while self.at < self.end and self._stays(self.at):
+        while self.at < self.end and self._stays[self.at]:
             if self._is_dot(contour, *(self._first_of(a, b, is_reversed) if laid is None else (
                 *laid.points[:2].tolist(), float(laid.extrusion[0])))):  # fmt: skip
                 break
             self._still()
-        if said := self._begins(contour):
-            return said
+        if problem := self._begins(contour):
+            return problem
         reached = self.walk.reached[k]
-        reached.append(self._line(self.at - 1))
+        reached.append(self._line[self.at - 1])
         stop = self.at + (b - a - 1 if laid is None else len(laid.extrusion))
-        self.walk.laid.append((contour, self.at, stop))
+        self.walk.laid.append(Bead(contour, self.at, stop))
         if stop <= self.end and (laid is None or self._as_laid(laid, stop)):
             if laid is None:
                 self._later.append((contour, is_reversed, self.at))
@@ -227,18 +237,18 @@ class Walker:
             and (np.abs(motion.extrusion[rows] - laid.extrusion) <= E_MM).all()
             and (np.abs(motion.feed[rows] - laid.feed) <= FEED_MM_S).all()
             and not any(
-                self._other_state(*pair) for pair in set(zip(mine, laid.state, strict=True))
+                self._other_state(*pair) for pair in set(zip(mine, self._states(laid), strict=True))
             )
         )
 
     def _print_each(self, k: int, laid: Laid) -> str:
         """Go along a contour move by move up to the first that is not as it should be."""
         contour, motion = int(self.actions.contour[k]), self.file.motion
-        reached = self.walk.reached[k]
+        reached, states = self.walk.reached[k], self._states(laid)
         for s in range(len(laid.extrusion)):
             if self.at >= self.end:
                 return f"the file ends within contour {contour}"
-            line, to = self._line(self.at), laid.points[s + 1]
+            line, to = self._line[self.at], laid.points[s + 1]
             if np.abs(motion.points[self.at + 1] - to).max() > SAME_MM:
                 return (
                     f"line {line} goes to {_xyz(motion.points[self.at + 1])}, "
@@ -250,8 +260,8 @@ class Walker:
             ):
                 if abs(has - due) > tolerance:
                     return f"line {line} has {has:.5f} {unit}, contour {contour} {due:.5f}"
-            if said := self._other_state(self._moves.state[self.at], laid.state[s]):
-                return f"line {line}: {said}"
+            if problem := self._other_state(self._moves.state[self.at], states[s]):
+                return f"line {line}: {problem}"
             self._step(k)
             reached.append(line)
         return ""
@@ -265,7 +275,7 @@ class Walker:
         """
         if not _is_same(begin, to):
             return False
-        owed = float(self.file.motion.extruder[max(self._line(self.at) - 2, 0), 1])
+        owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
         return owed <= self._due(contour) + OWED_MM and abs(pushed - filament) <= E_MM
 
@@ -280,22 +290,17 @@ class Walker:
 
     def _laid(self, k: int) -> Laid | str:
         """Return what the plan's action lays down, from the source's own contour."""
-        contours, c = self.job.contours, int(self.actions.contour[k])
-        a, b = int(contours.offsets[c]), int(contours.offsets[c + 1])
-        step = -1 if self.actions.reversed[k] else 1
-        rows = np.arange(a, b)
-        run = Run(contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows)
-        if entry := int(self.actions.entry[k]):
-            entered = run_of(contours, Moved(c, entry, self.actions.action_path(k)[::step]))
-            if isinstance(entered, str):
-                return f"contour {c} {entered}"
-            run = entered
-        state = self.document.point_state[run.rows[1:]][::step].tolist()
-        return Laid(run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], state)
+        found = laid_by(self.job.contours, self.actions, k)
+        return f"contour {self._contour[k]} {found}" if isinstance(found, str) else found
+
+    def _states(self, laid: Laid) -> list[int]:
+        """Return the row of the source's states for each segment."""
+        rows: list[int] = self.document.point_state[laid.rows].tolist()
+        return rows
 
     def _begins(self, contour: int) -> str:
         """Return what is wrong with the filament retracted where a bead begins."""
-        line = self._line(min(self.at, self.end - 1))
+        line = self._line[min(self.at, self.end - 1)]
         owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
         if self.file.motion.modes[max(line - 2, 0), 3] or owed > self._due(contour) + OWED_MM:
             return f"line {line} begins contour {contour} with {owed:g} mm retracted"
@@ -310,8 +315,8 @@ class Walker:
         """Go past moves that pull filament back along the bead just printed."""
         motion, path = self.file.motion, self.actions.action_path(k)[self.waited.get(k, 0) :]
         while self.at < self.end:
-            if self._stays(self.at):
-                if self._line(self.at) in self.blocks or not self._wipes_next():
+            if self._stays[self.at]:
+                if self._line[self.at] in self.blocks or not self._wipes_next():
                     return ""
                 self._still()
                 continue
@@ -319,20 +324,20 @@ class Walker:
                 return ""
             ends = motion.points[self.at : self.at + 2]
             if max(_distance(p, path) for p in (*ends, ends.mean(axis=0))) > 2 * SAME_MM:
-                return f"line {self._line(self.at)} wipes beside contour {self.actions.contour[k]}"
+                return f"line {self._line[self.at]} wipes beside contour {self.actions.contour[k]}"
             self._step(k)
         return ""
 
     def _wipes_next(self) -> bool:
         """Tell whether the next move that changes the position pulls filament."""
         m = self.at
-        while m < self.end and self._stays(m):
+        while m < self.end and self._stays[m]:
             m += 1
         return m < self.end and bool(self.file.motion.extrusion[m] < 0.0)
 
     def _still(self) -> None:
         """Go past a move of filament alone and check its length."""
-        motion, line = self.file.motion, self._line(self.at)
+        motion, line = self.file.motion, self._line[self.at]
         pushed = float(motion.extrusion[self.at])
         owed = float(motion.extruder[max(line - 2, 0), 1])
         if line not in self.blocks and pushed > owed + self._surplus + SURPLUS_MM:
@@ -343,14 +348,8 @@ class Walker:
 
     def _step(self, k: int) -> None:
         if self.walk.first[k] < 0:
-            self.walk.first[k] = self._line(self.at)
+            self.walk.first[k] = self._line[self.at]
         self.at += 1
-
-    def _stays(self, move: int) -> bool:
-        return self._moves.stays[move]
-
-    def _line(self, move: int) -> int:
-        return self._moves.line[move]
 
     def _other_state(self, mine: int, row: int) -> str:
         """Return in words how a state of the file differs from the source's row."""
@@ -380,7 +379,7 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
     }
 
 
-def _apart_in_file(path: Floats, offsets: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _apart_in_file(path: Floats, offsets: Ints) -> Flags:
     """Tell which points a file of three decimals tells from the one before in their path, (n,).
 
     Path i is path[offsets[i]:offsets[i + 1]].

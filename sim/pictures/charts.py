@@ -7,21 +7,21 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
-from numpy.typing import NDArray
 
 from decmcts.formats.files.names import in_one_line
 from decmcts.print.figures import change, clock_time, shown
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.pictures.activity import activity
+from sim.arrays import Flags, Floats
 from sim.pictures.canvas import head_colour
 
 BEFORE, AFTER, MOVES = "#d62728", "#1f77b4", "#1a1a1a"
 STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 28800, 86400)
 UNITS = "; lengths in mm, times in h:min:s"
 NAME = 14  # letters of a head's name
+EXACT = 400  # actions drawn one by one; with more, shares of equal intervals are drawn
+INTERVALS = 800
 TICKS = 12  # of time, at the most
-Floats = NDArray[np.float64]
 
 
 def title_lines(name: str, before: PlanDocument, after: PlanDocument) -> tuple[str, str]:
@@ -93,6 +93,40 @@ def draw_times(axis: Any, document: PlanDocument) -> None:
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value, step)))
     axis.set_xlabel("time, h:min" if step >= 60 else "time, h:min:s", fontsize=8.5)
     axis.tick_params(labelsize=8)
+
+
+def activity(actions: HeadActions, makespan_s: float) -> tuple[Floats, Floats]:
+    """Return the edges of intervals and the shares of them spent printing and travelling.
+
+    Returns
+    -------
+    edges : (k + 1,) seconds
+    shares : (k, 2) printing, travelling; the rest is waiting
+    """
+    if len(actions) <= EXACT:
+        edges = np.unique(np.concatenate([[0.0, makespan_s], actions.begin_s, actions.end_s]))
+    else:
+        edges = np.linspace(0.0, makespan_s, INTERVALS + 1)
+    if len(edges) < 2:
+        return np.array([0.0, 0.0]), np.zeros((1, 2))
+    printing = actions.kind == ActionKind.PRINT
+    travelling = ~printing & (actions.kind != ActionKind.WAIT)
+    width = np.maximum(np.diff(edges), 1e-12)
+    columns = [
+        np.diff(_time_spent(actions, rows, edges)) / width for rows in (printing, travelling)
+    ]
+    return edges, np.clip(np.stack(columns, axis=1), 0.0, 1.0)
+
+
+def _time_spent(actions: HeadActions, rows: Flags, at: Floats) -> Floats:
+    """Return the seconds spent in the chosen actions up to each time."""
+    if not rows.any():
+        return np.zeros(len(at))
+    begin, end = actions.begin_s[rows], actions.end_s[rows]
+    done = np.cumsum(end - begin)
+    times = np.stack([begin, end], axis=1).ravel()
+    spent = np.stack([done - (end - begin), done], axis=1).ravel()
+    return np.interp(at, times, spent)
 
 
 def _short(seconds: float, step_s: int) -> str:

@@ -13,20 +13,25 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, PlanDocument
+from sim.arrays import Floats
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
-from sim.pictures.layer_pieces import cut_handle, draw_pieces
 from sim.pictures.layer_travels import by_layer, layers_of, most_changed, require_layer, travels_of
-from sim.pictures.layer_view import SHADOW, LayerView, draw_layer, legend_of
+from sim.pictures.layer_view import (
+    SHADOW,
+    LayerView,
+    cut_handle,
+    draw_layer,
+    draw_pieces,
+    legend_of,
+)
 from sim.pictures.shares import bead_grids, striped
 from sim.pictures.sheet import ENTRIES, Sheet, sheet_of
 
 NAMED = 3  # heads whose shares have room in a title
-Floats = NDArray[np.float64]
 
 
 @words_as_they_are()
@@ -191,16 +196,3 @@ def _who(after: PlanDocument) -> str:
         return f"{len(printing)} heads, each {least:.0f} to {most:.0f} % of the printing"
     parts = zip(after.plan.heads, printing, strict=True)
     return ", ".join(f"{h.head} {100 * p / total:.0f} %" for h, p in parts) + " of the printing"
-
-
-@words_as_they_are()
-def draw_gantt(path: Path | str, document: PlanDocument) -> None:
-    """Draw what each head does over time; hatched is waiting.
-
-    A long plan is drawn in intervals, each filled by the shares of its time.
-    """
-    figure = Figure(figsize=(12, 1.6 + 0.7 * len(document.plan.heads)))
-    figure.set_layout_engine("constrained")
-    draw_times(figure.subplots(), document)
-    figure.legend(handles=times_legend(), loc="outside upper center", ncols=3, frameon=False)
-    save(figure, path)

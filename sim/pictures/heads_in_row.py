@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Machine
+from sim.arrays import Floats
 from sim.replay.heads_near import Shapes, outermost, shapes_of
-from sim.replay.shapes import Part, parts_of
+from sim.replay.shapes import Part, parts_of, rails_between
 
 HALVINGS = 60  # of an interval of metres: far below what floats can tell
 
-Point = NDArray[np.float64]  # (2,)
+Point = Floats  # (2,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Row:
 
     axis: int  # 0: along X, 1: along Y
     order: tuple[int, ...]  # heads of the machine
-    nozzles: NDArray[np.float64]  # (n, 2)
+    nozzles: Floats  # (n, 2)
     gaps_mm: tuple[float, ...]  # between the bodies of neighbours
     ends: tuple[tuple[Point, Point], ...]  # of the gaps, seen from above
     by_rail: tuple[bool, ...]  # whether a rail keeps these neighbours further apart
@@ -41,7 +41,7 @@ def row_of(machine: Machine, axis: int) -> Row | None:
     at, by_rail = [0.0], []
     for k in range(1, len(order)):
         need = max(at[j] + _least(machine, parts, j, k, axis) for j in range(k))
-        railed = max(at[i] + _on_rail(machine, order[i], order[k], axis) for i in range(k))
+        railed = max(at[i] + _on_rail(machine, order[i], order[k]) for i in range(k))
         at.append(max(need, railed))
         by_rail.append(railed > need)
     low, high = (float(edge[axis]) for edge in (machine.bed_min, machine.bed_max))
@@ -66,17 +66,10 @@ def _order(machine: Machine, axis: int) -> list[int]:
     return order
 
 
-def _on_rail(machine: Machine, h: int, g: int, axis: int) -> float:
+def _on_rail(machine: Machine, h: int, g: int) -> float:
     """Return how far apart rails keep two nozzles; minus infinity where none does."""
-    one, other = machine.heads[h].name, machine.heads[g].name
-    return max(
-        (
-            rail.separation_mm * (rail.order.index(other) - rail.order.index(one))
-            for rail in machine.rails
-            if one in rail.order and other in rail.order
-        ),
-        default=-np.inf,
-    )
+    rails = rails_between(machine, machine.heads[h], machine.heads[g])
+    return max((side * least for _, side, least in rails), default=-np.inf)
 
 
 def _least(machine: Machine, parts: list[list[Part]], j: int, k: int, axis: int) -> float:
@@ -109,7 +102,7 @@ def _end_of(shapes: Shapes, pair: int, unit: Point, clearance_mm: float) -> floa
     return max(0.0, outside)
 
 
-def _hull(shapes: Shapes, pair: int) -> NDArray[np.float64]:
+def _hull(shapes: Shapes, pair: int) -> Floats:
     return shapes.xy[shapes.offsets[pair] : shapes.offsets[pair + 1]]
 
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Flags, Floats, Ints
 
 SAME_PLACE_MM = 0.02  # a grid: ends of travels in one cell of it are one place
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,33 +27,31 @@ class Travels:
     order is told in the pieces of a cut print, whose joints no head ever moved along.
     """
 
-    head: NDArray[np.int64]  # (k,) index of the head
-    first: NDArray[np.int64]  # (k,) its first point in the head's path
-    last: NDArray[np.int64]  # (k,) and its last
-    layer: NDArray[np.int64]  # (k,) row of `layers`: of the contour it leads to
-    inside: NDArray[np.bool_]  # (k,) it comes from that layer too
+    head: Ints  # (k,) index of the head
+    first: Ints  # (k,) its first point in the head's path
+    last: Ints  # (k,) and its last
+    layer: Ints  # (k,) row of `layers`: of the contour it leads to
+    inside: Flags  # (k,) it comes from that layer too
     length_mm: Floats  # (k,) as moved, lifts included
-    ends: NDArray[np.int64]  # (k, 6) both ends on a grid, the lesser first
+    ends: Ints  # (k, 6) both ends on a grid, the lesser first
 
-    def of_layer(self, layer: int) -> NDArray[np.int64]:
+    def of_layer(self, layer: int) -> Ints:
         """Return the rows that lead to a layer."""
         return np.flatnonzero(self.layer == layer)
 
-    def in_no_place_of(self, other: Travels) -> NDArray[np.bool_]:
+    def in_no_place_of(self, other: Travels) -> Flags:
         """Tell which have no travel between the same two places in another plan, (k,)."""
         return in_no_place_of(self.ends, other.ends)
 
 
-def in_no_place_of(ends: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+def in_no_place_of(ends: Ints, others: Ints) -> Flags:
     """Tell which of these ends (k, 6) are none of the others (m, 6), (k,)."""
     _, number = np.unique(np.concatenate([ends, others]), axis=0, return_inverse=True)
     number = number.reshape(-1)
     return ~np.isin(number[: len(ends)], number[len(ends) :])
 
 
-def both_ends(
-    actions: HeadActions, first: NDArray[np.int64], last: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def both_ends(actions: HeadActions, first: Ints, last: Ints) -> Ints:
     """Return two points of a path each on a grid, the lesser first, (k, 6).
 
     So a way is the same whichever way it is gone.
@@ -91,9 +89,7 @@ def travels_of(document: PlanDocument) -> Travels:
     return Travels(*(np.concatenate(column) for column in columns))
 
 
-def _of_head(
-    index: int, actions: HeadActions, layer_of: NDArray[np.int64]
-) -> tuple[NDArray[np.generic], ...]:
+def _of_head(index: int, actions: HeadActions, layer_of: Ints) -> tuple[NDArray[np.generic], ...]:
     """Return the columns of `Travels` for one head."""
     prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
     first = np.append(0, actions.path_offsets[prints[:-1] + 1] - 1) if len(prints) else prints
@@ -111,7 +107,7 @@ def _of_head(
     return tuple(column[kept] for column in columns)
 
 
-def _is_greater(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _is_greater(a: Ints, b: Ints) -> Flags:
     """Compare points x first, then y, then z, (k,)."""
     differs = a != b
     column = np.argmax(differs, axis=1)

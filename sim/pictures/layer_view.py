@@ -1,4 +1,9 @@
-"""One layer from above: its beads as a calm ground, and the travels that lead to it."""
+"""One layer from above: its beads as a calm ground, and the travels that lead to it.
+
+Of a cut print its pieces, and where the cuts are. Contours that go nowhere across the bed are
+points, seen from above, so they are drawn by their width: a dot as a disc, a vertical bead as a
+ring around a point.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +12,23 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
-from decmcts.print.plan import ActionKind, PlanDocument
+from decmcts.print.contours import Contours
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.print.welds import cuts_of
+from sim.arrays import Flags, Floats, Ints
 from sim.pictures.canvas import TRAVEL, head_colour
 from sim.pictures.layer_travels import Travels
-from sim.pictures.round_beads import RoundBeads, draw_from_above, round_beads_of
 
 GROUND, SHADOW, KEPT = "#d4d4d4", "#f3f3f3", "#555555"
 DASHES = (0, (4, 2))
+SHADES = (0.0, 0.35, 0.6)  # shares of white, in turn from piece to piece as a head prints them
+MARK = "#111111"
 FULL = 300  # travels drawn with full strength; more are drawn thinner
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +37,12 @@ class LayerView:
 
     document: PlanDocument
     travels: Travels
-    new: NDArray[np.bool_]  # (travels,) in no place of the other plan
+    new: Flags  # (travels,) in no place of the other plan
     layer: int  # as the contours number it
     row: int  # as the travels do
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Ints:
         """The travels that lead to the layer."""
         return self.travels.of_layer(self.row)
 
@@ -82,32 +89,110 @@ def _draw_beads(axis: Any, view: LayerView, inch_a_mm: float) -> None:
     """Draw the beads of the layer as wide as they are, in light colours of who prints them."""
     contours, heads = view.document.contours, view.document.plan.heads
     for k, actions in enumerate(heads):
-        printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
-        mine = printed[contours.layer[actions.contour[printed]] == view.layer]
-        paths = [actions.action_path(int(a))[:, :2] for a in mine]
-        widths = contours.width[actions.contour[mine]] * inch_a_mm * 72.0
+        mine = _printed_in(actions, contours, view.layer)
         colour = lighter(head_colour(k, len(heads))) if len(heads) > 1 else GROUND
+        beads = _lines_of(actions, contours, mine, inch_a_mm)
+        axis.add_collection(LineCollection(colors=colour, capstyle="round", **beads))
+        draw_from_above(axis, round_beads_of(actions, contours).of(mine), colour)
+
+
+def draw_pieces(axis: Any, document: PlanDocument, layer: int, *, inch_a_mm: float) -> None:
+    """Draw the pieces of a layer in shades of who prints them, and the cuts between them."""
+    contours, heads = document.contours, document.plan.heads
+    for k, actions in enumerate(heads):
+        mine = _printed_in(actions, contours, layer)
+        shades = [lighter(head_colour(k, len(heads)), share) for share in SHADES]
+        colours = [shades[n % len(shades)] for n in range(len(mine))]
+        beads = _lines_of(actions, contours, mine, inch_a_mm)
+        axis.add_collection(LineCollection(colors=colours, **beads))
+    at = cuts_of(contours).before
+    owner = np.searchsorted(contours.offsets, at, side="right") - 1
+    x, y = contours.points[at[contours.layer[owner] == layer], :2].T
+    axis.plot(x, y, ".", color=MARK, ms=1.6, mew=0.0, zorder=3, rasterized=True)
+
+
+def cut_handle() -> Any:
+    """Return the legend's entry of cuts."""
+    return Line2D([], [], color=MARK, marker=".", ls="", label="cut; shades: pieces")
+
+
+def _printed_in(actions: HeadActions, contours: Contours, layer: int) -> Ints:
+    """Return the actions that print in a layer."""
+    printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    return np.asarray(printed[contours.layer[actions.contour[printed]] == layer])
+
+
+def _lines_of(
+    actions: HeadActions, contours: Contours, rows: Ints, inch_a_mm: float
+) -> dict[str, Any]:
+    """Return lines as wide as the beads of some actions, for a collection of them."""
+    widths = contours.width[actions.contour[rows]] * inch_a_mm * 72.0
+    return {
+        "segments": [actions.action_path(int(a))[:, :2] for a in rows],
+        "linewidths": list(np.maximum(widths, 0.4)),
+        "joinstyle": "round", "rasterized": True, "zorder": 2,
+    }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class RoundBeads:
+    """Dots and vertical beads that a head prints."""
+
+    action: Ints  # (k,)
+    centre: Floats  # (k, 2) mm
+    low: Floats  # (k,) lowest z of the nozzle, mm
+    high: Floats  # (k,) highest
+    width: Floats  # (k,) mm
+    height: Floats  # (k,) of the bead, mm
+
+    def of(self, actions: Ints) -> RoundBeads:
+        """Return those of some actions."""
+        kept = np.isin(self.action, actions)
+        return RoundBeads(*(getattr(self, name)[kept] for name in self.__slots__))
+
+    @property
+    def is_dot(self) -> Flags:
+        """Tell which are dots, (k,)."""
+        return np.asarray(self.high - self.low <= 0.0)
+
+
+def round_beads_of(actions: HeadActions, contours: Contours) -> RoundBeads:
+    """Return the dots and vertical beads of a head; linear in its points."""
+    printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    first = actions.path_offsets[printed]
+    none = len(printed) == 0
+    ends = np.stack([first, actions.path_offsets[printed + 1]], axis=1).ravel()
+    padded = np.vstack([actions.path, np.zeros((1, 3))])
+    low = np.zeros((0, 3)) if none else np.minimum.reduceat(padded, ends)[::2]
+    high = np.zeros((0, 3)) if none else np.maximum.reduceat(padded, ends)[::2]
+    kept = (low[:, :2] == high[:, :2]).all(axis=1)
+    contour = actions.contour[printed[kept]]
+    return RoundBeads(
+        printed[kept], low[kept, :2], low[kept, 2], high[kept, 2], contours.width[contour],
+        contours.height[contour],
+    )  # fmt: skip
+
+
+def draw_from_above(axis: Any, beads: RoundBeads, colour: str) -> None:
+    """Draw discs for dots, and rings around a point for vertical beads."""
+    for size, rows, filled in (
+        (1.0, beads.is_dot, True), (1.0, ~beads.is_dot, False), (0.3, ~beads.is_dot, True),
+    ):  # fmt: skip
+        width = size * beads.width[rows]
         axis.add_collection(
-            LineCollection(
-                paths,
-                colors=colour,
-                linewidths=list(np.maximum(widths, 0.4)),
-                capstyle="round",
-                joinstyle="round",
-                rasterized=True,
-                zorder=2,
+            EllipseCollection(
+                width,
+                width,
+                np.zeros(len(width)),
+                units="xy",
+                offsets=beads.centre[rows],
+                transOffset=axis.transData,
+                facecolors=colour if filled else "none",
+                edgecolors="none" if filled else colour,
+                linewidths=1.0,
+                alpha=0.8,
             )
         )
-        draw_from_above(axis, _of(round_beads_of(actions, contours), mine), colour)
-
-
-def _of(beads: RoundBeads, actions: NDArray[np.int64]) -> RoundBeads:
-    """Return the dots and vertical beads of some actions."""
-    kept = np.isin(beads.action, actions)
-    return RoundBeads(
-        beads.action[kept], beads.centre[kept], beads.low[kept], beads.high[kept],
-        beads.width[kept], beads.height[kept],
-    )  # fmt: skip
 
 
 def lighter(colour: str, share: float = 0.62) -> str:

@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.transforms import ScaledTranslation
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine, Rail
+from sim.arrays import Floats
 from sim.pictures.canvas import head_colour, save
-from sim.pictures.heads_in_row import Row, row_of
+from sim.pictures.heads_in_row import row_of
 from sim.pictures.row_picture import draw_row_above, draw_row_beside, shortened, write_row
 
 NEAR_MM = 110.0  # of the nozzle; larger parts are cut off at the frame
@@ -34,7 +34,8 @@ def draw_machine(machine: Machine, path: Path | str) -> None:
 
     Heads of one shape are drawn once. A PNG, or an SVG where the path ends so.
     """
-    shapes, rows = _shapes(machine), _rows(machine)
+    shapes = _shapes(machine)
+    rows = [each for axis in range(2) if (each := row_of(machine, axis)) is not None]
     count = len(shapes) + len(rows)
     height = HEAD_IN * count + 1.3
     figure = Figure(figsize=(16.5, height))
@@ -80,10 +81,6 @@ def _alike(head: Head, other: Head) -> bool:
     return one == two and head.bodies == other.bodies
 
 
-def _rows(machine: Machine) -> list[Row]:
-    return [row for axis in range(2) if (row := row_of(machine, axis)) is not None]
-
-
 def _draw_slices(axis: Any, head: Head, names: str) -> None:
     """Draw the slices from above, the lowest on top; `names` are of the heads of this shape."""
     corners = [np.concatenate(piece.polygons) for piece in head.slices]
@@ -111,7 +108,7 @@ def _below(axis: Any, inches: float) -> Any:
     return axis.transAxes + ScaledTranslation(0.0, -inches, scale)
 
 
-def _frame(axis: Any, points: NDArray[np.float64]) -> None:
+def _frame(axis: Any, points: Floats) -> None:
     """Show a square around the nozzle that holds the points, if they are near."""
     half = min(NEAR_MM, 1.15 * float(np.abs(points).max()) + 2.0)
     axis.set_xlim(-half, half)
@@ -202,7 +199,7 @@ def _draw_parked(axis: Any, head: Head, colour: str) -> None:
         axis.add_patch(Rectangle(corner, *size, fill=False, ec=colour, lw=1.0))
 
 
-def _parked_corners(machine: Machine) -> list[NDArray[np.float64]]:
+def _parked_corners(machine: Machine) -> list[Floats]:
     """Return what of the parked heads the frame holds: parks, and bodies not far from them."""
     return [
         np.add(head.park[:2], np.clip(corner[:2], -BESIDE_MM, BESIDE_MM))

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Floats, Ints
 
 CELLS = 700  # along the longer side
 STRIPES = 16  # cells, of all heads' stripes together
 CHUNK = 2_000_000  # samples at a time
 LEAST_MM = 1e-3  # of a segment: dots go nowhere, and are seen all the same
-Floats = NDArray[np.float64]
 
 
 def bead_grids(
@@ -48,7 +47,7 @@ def _samples(
     axes: tuple[int, int],
     low: Floats,
     size: Floats,
-    shape: NDArray[np.int64],
+    shape: Ints,
     *,
     drop: float,
 ) -> Floats:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from sim.arrays import Floats
 
 Place = tuple[float, float, float, float]  # left, bottom, width, height in parts of the figure
 
@@ -24,7 +25,7 @@ class Sheet:
     """Sizes and places."""
 
     size: tuple[float, float]  # inches
-    extent: NDArray[np.float64]  # (2, 3) mm: the box that views show
+    extent: Floats  # (2, 3) mm: the box that views show
     views: tuple[Place, ...]
     chart: Place
     side: Place
@@ -47,7 +48,7 @@ class Sheet:
         return 1.0 - below_in / self.size[1]
 
 
-def sheet_of(extent: NDArray[np.float64], heads: int) -> Sheet:
+def sheet_of(extent: Floats, heads: int) -> Sheet:
     """Return the sheet for a print in this box, for one head or several."""
     extent = _shaped(extent)
     across, up = (extent[1] - extent[0])[:2].tolist()
@@ -77,7 +78,7 @@ def sheet_of(extent: NDArray[np.float64], heads: int) -> Sheet:
     )  # fmt: skip
 
 
-def _shaped(extent: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shaped(extent: Floats) -> Floats:
     """Return a box that is neither too flat nor too high for a view."""
     made = extent.astype(np.float64)
     size = np.maximum(made[1] - made[0], 1e-6)

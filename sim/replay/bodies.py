@@ -1,4 +1,4 @@
-"""Head against head, for every execution the partial order allows.
+"""Head against head, for every execution the partial order allows: J3, and the rails.
 
 Two actions of different heads that the order does not separate may run at the
 same time, and a head rests where an action ended until its next one begins. All
@@ -11,18 +11,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations, permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head
-from decmcts.print.plan import HeadActions
+from decmcts.print.plan import HeadActions, PlanDocument
+from sim.arrays import Floats, Ints
+from sim.content.legs import Legs
+from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.boxes import near_in_windows
 from sim.replay.collision import Solid, Vertices, swept_vertices
-from sim.replay.shapes import parts_of
+from sim.replay.shapes import parts_of, rails_between
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-6
+NamedParts = list[tuple[str, Vertices]]  # name and corners of each part of a head
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,20 +36,20 @@ class Stations:
     What may happen meanwhile is an interval [low, high) of the other's actions.
     """
 
-    points: NDArray[np.float64]  # (k, 3) of all paths, one after the other
-    offsets: NDArray[np.int64]  # (n + 1,) rows of `points`
-    boxes: NDArray[np.float64]  # (n, 6) of the nozzle: low, high
-    low: NDArray[np.int64]  # (n,) first action of the other head
-    high: NDArray[np.int64]  # (n,) one past the last
-    action: NDArray[np.int64]  # (n,) own action, or the one a rest comes after; -1 before the first
+    points: Floats  # (k, 3) of all paths, one after the other
+    offsets: Ints  # (n + 1,) rows of `points`
+    boxes: Floats  # (n, 6) of the nozzle: low, high
+    low: Ints  # (n,) first action of the other head
+    high: Ints  # (n,) one past the last
+    action: Ints  # (n,) own action, or the one a rest comes after; -1 before the first
     rest: bool
 
-    def path(self, i: int) -> NDArray[np.float64]:
+    def path(self, i: int) -> Floats:
         """Return the path of one, (k, 3)."""
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
 
-def boxes_of(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
+def boxes_of(points: Floats, offsets: Ints) -> Floats:
     """Return the bounding boxes of nozzle paths, none empty, (n, 6)."""
     if len(offsets) < 2:
         return np.empty((0, 6))
@@ -61,7 +65,7 @@ def action_stations(actions: HeadActions, order: PartialOrder, head: int, other:
 
 
 def rest_stations(
-    actions: HeadActions, order: PartialOrder, head: int, other: int, park: NDArray[np.float64]
+    actions: HeadActions, order: PartialOrder, head: int, other: int, park: Floats
 ) -> Stations:
     """Return every rest of a head with the actions of `other` that may pass by then.
 
@@ -104,61 +108,80 @@ def parked(head: Head) -> Stations:
     return Stations(point, np.arange(2), boxes, one, one + 1, one - 1, True)
 
 
-@dataclass(frozen=True, slots=True)
-class Clash:
-    """Two heads that may come too near: indices of actions, and how near."""
+def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
+    """J3: heads that may move or rest at the same time keep their distance."""
+    machine, lines = document.machine, list[str]()
+    parts = [[(part.name, part.vertices()) for part in parts_of(head)] for head in machine.heads]
+    for r, s in permutations(range(len(legs.all_actions)), 2):
+        for stations, others in concurrent(machine.heads, legs.all_actions, order, r, s):
+            clashes = find_clashes(
+                stations, others, parts[r], parts[s], machine.head_clearance_mm, 2 * LIMIT
+            )
+            lines += [
+                f"{legs.station(r, int(stations.action[i]), stations.rest)} and "
+                f"{legs.station(s, int(others.action[j]), others.rest)} may happen together "
+                f"and come within {gap:.3f} mm ({part}, {other})"
+                for (i, j), (gap, part, other) in clashes.items()
+            ]
+    return listed(FaultKind.HEAD_HEAD, lines)
 
-    action: int
-    rest: bool
-    other_action: int
-    part: str
-    other_part: str
-    gap_mm: float
+
+def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
+    """Heads on one rail keep their order and their separation, whatever the timing."""
+    heads, lines = document.machine.heads, list[str]()
+    for r, s in permutations(range(len(legs.all_actions)), 2):
+        for axis, side, least in rails_between(document.machine, heads[r], heads[s]):
+            for stations, others in concurrent(heads, legs.all_actions, order, r, s):
+                breaks = find_rail_breaks(
+                    stations, others, axis=axis, separation_mm=least, below=side > 0.0,
+                    limit=2 * LIMIT,
+                )  # fmt: skip
+                lines += [
+                    f"{legs.station(r, a, stations.rest)} and {legs.station(s, b, others.rest)} "
+                    f"may happen together and be {gap:.3f} mm apart along {'xy'[axis]}, "
+                    f"less than {least:g} mm"
+                    for a, b, gap in breaks
+                ]
+    return listed(FaultKind.RAIL, lines)
+
+
+def count_pairs(legs: Legs, order: PartialOrder) -> int:
+    """Return how many pairs of actions of different heads may run at the same time.
+
+    Actions that others wait for midway count leg by leg.
+    """
+    pairs = combinations(range(len(legs.all_actions)), 2)
+    return sum(int((order.following(r, s) - order.preceding(r, s)).sum()) for r, s in pairs)
 
 
 def find_clashes(
-    stations: Stations,
-    head: Head,
-    others: Stations,
-    other_head: Head,
-    *,
-    clearance_mm: float,
-    limit: int,
-) -> list[Clash]:
-    """Return pairs of a station and a concurrent action of the other head that come too near."""
-    reach = clearance_mm - TOLERANCE_MM
-    parts = [(p, p.vertices()) for p in parts_of(head)]
-    other_parts = [(p, p.vertices()) for p in parts_of(other_head)]
+    stations: Stations, others: Stations, parts: NamedParts, other_parts: NamedParts,
+    clearance_mm: float, limit: int,
+) -> dict[tuple[int, int], tuple[float, str, str]]:  # fmt: skip
+    """Return how near, and with what, stations come too near to concurrent ones of another head."""
+    reach, clashes = clearance_mm - TOLERANCE_MM, dict[tuple[int, int], tuple[float, str, str]]()
     if not parts or not other_parts:
-        return []
-    clashes: dict[tuple[int, int], Clash] = {}
+        return clashes
     mine = _grown(stations.boxes, np.concatenate([v for _, v in parts]), reach)
     theirs = _grown(others.boxes, np.concatenate([v for _, v in other_parts]), 0.0)
     for pairs in near_in_windows(mine, stations.low, stations.high, theirs):
-        for part, a in parts:
-            for other, b in other_parts:
-                for i, j in _near_pairs(pairs, stations, others, a, b, reach):
-                    if len(clashes) >= limit:
-                        return list(clashes.values())
-                    gap = path_gap(stations.path(i), a, others.path(j), b, reach)
-                    if gap < reach and (i, j) not in clashes:
-                        at = (int(stations.action[i]), stations.rest, int(others.action[j]))
-                        clashes[i, j] = Clash(*at, part.name, other.name, gap)
-    return list(clashes.values())
+        for (name, a), (other, b) in product(parts, other_parts):
+            for i, j in _near_pairs(pairs, stations, others, a, b, reach):
+                if len(clashes) >= limit:
+                    return clashes
+                gap = path_gap(stations.path(i), a, others.path(j), b, reach)
+                if gap < reach:
+                    clashes.setdefault((i, j), (gap, name, other))
+    return clashes
 
 
-def _grown(boxes: NDArray[np.float64], shape: Vertices, margin: float) -> NDArray[np.float64]:
+def _grown(boxes: Floats, shape: Vertices, margin: float) -> Floats:
     """Return the boxes of a shape whose nozzle stays within the given boxes."""
     return np.asarray(boxes + np.hstack([shape.min(axis=0) - margin, shape.max(axis=0) + margin]))
 
 
 def _near_pairs(
-    pairs: NDArray[np.int64],
-    stations: Stations,
-    others: Stations,
-    a: Vertices,
-    b: Vertices,
-    reach: float,
+    pairs: Ints, stations: Stations, others: Stations, a: Vertices, b: Vertices, reach: float
 ) -> list[tuple[int, int]]:
     """Return the pairs in which these two parts' swept bounding boxes come nearer than `reach`."""
     mine = _grown(stations.boxes[pairs[:, 0]], a, reach)
@@ -207,11 +230,7 @@ def find_rail_breaks(
 
 
 def path_gap(
-    path: NDArray[np.float64],
-    shape: Vertices,
-    other: NDArray[np.float64],
-    other_shape: Vertices,
-    reach: float,
+    path: Floats, shape: Vertices, other: Floats, other_shape: Vertices, reach: float
 ) -> float:
     """Return the least distance of two swept shapes, as far as it is below `reach`."""
     least = np.inf
@@ -224,23 +243,19 @@ def path_gap(
     return float(least)
 
 
-def _segment_solid(path: NDArray[np.float64], i: int, shape: Vertices) -> Solid:
+def _segment_solid(path: Floats, i: int, shape: Vertices) -> Solid:
     end = path[min(i + 1, len(path) - 1)]
     return Solid(swept_vertices(shape, path[i], end))
 
 
-def _segment_boxes(path: NDArray[np.float64], shape: Vertices) -> NDArray[np.float64]:
+def _segment_boxes(path: Floats, shape: Vertices) -> Floats:
     start, end = (path[:-1], path[1:]) if len(path) > 1 else (path, path)
     low, high = np.minimum(start, end), np.maximum(start, end)
     return np.hstack([low + shape.min(axis=0), high + shape.max(axis=0)])
 
 
 def _near_segments(
-    path: NDArray[np.float64],
-    shape: Vertices,
-    other: NDArray[np.float64],
-    other_shape: Vertices,
-    reach: float,
+    path: Floats, shape: Vertices, other: Floats, other_shape: Vertices, reach: float
 ) -> Iterator[tuple[int, int]]:
     """Yield pairs of segments whose swept boxes come nearer than `reach`."""
     theirs = _segment_boxes(other, other_shape)

@@ -10,12 +10,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Floats, Ints
 from sim.replay.compiled import compiled
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 BLOCK = 1 << 16
 
 

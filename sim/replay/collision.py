@@ -12,30 +12,23 @@ from typing import Any
 
 import fcl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
+
+from sim.arrays import Floats, Ints
 
 HEAD_TOP_MM = 500.0  # a head's slices fill space from their height up to here
 
-Vertices = NDArray[np.float64]  # (k, 3)
+Vertices = Floats  # (k, 3)
 
 
-def box_vertices(low: NDArray[np.float64], high: NDArray[np.float64]) -> Vertices:
-    """Return the eight corners of an axis-aligned box."""
-    x, y, z = ([low[i], high[i]] for i in range(3))
-    return np.array([[a, b, c] for a in x for b in y for c in z], np.float64)
-
-
-def prism_vertices(polygon: NDArray[np.float64], low: float, high: float) -> Vertices:
+def prism_vertices(polygon: Floats, low: float, high: float) -> Vertices:
     """Return the corners of a convex polygon extruded from `low` to `high`."""
     flat = np.asarray(polygon, np.float64)
     rows = [np.column_stack([flat, np.full(len(flat), z)]) for z in (low, high)]
     return np.concatenate(rows)
 
 
-def swept_vertices(
-    shape: Vertices, start: NDArray[np.float64], end: NDArray[np.float64]
-) -> Vertices:
+def swept_vertices(shape: Vertices, start: Floats, end: Floats) -> Vertices:
     """Return points whose convex hull is the volume `shape` sweeps from start to end.
 
     Exact for a convex shape that translates along a straight line.
@@ -73,7 +66,7 @@ class Solid:
         return max(0.0, float(gap))
 
 
-def _outward(points: Vertices, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def _outward(points: Vertices, faces: Ints) -> Ints:
     """Return the triangles with their corners counter-clockwise seen from outside."""
     a, b, c = (points[faces[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)

@@ -15,20 +15,20 @@ too near each other). Then only what happens within a layer is the slicer's.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind, listed
 from sim.replay.material import Allowed, deepest_contacts
 from sim.replay.near_misses import NearPrint
-from sim.replay.shapes import Beads, as_material
+from sim.replay.shapes import Beads, as_material, beads_there
 from sim.rules.precedence import ROUNDING_MM, Prints
 
 WIDER_MM = 5.0  # a head counts as wider from here above the tip at the latest
@@ -36,9 +36,6 @@ BESIDE_MM = 1.0  # between the beads of two contours side by side, as far as a n
 SLACK_MM = 2e-3  # on depths: files have three decimals
 AT_MM = 1e-3  # a travel that starts or ends so near a contour's end goes straight up or down there
 NOBODY = -1
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +45,7 @@ class Meetings:
     n: int  # contours of the print
     key: Ints  # (k,) nozzle's contour * n + bead's contour, ascending
     depth: Floats  # (k,) mm
-    beside: NDArray[np.bool_]  # (k,) two contours side by side: they keep their order
+    beside: Flags  # (k,) two contours side by side: they keep their order
 
     @property
     def pairs(self) -> Ints:
@@ -60,7 +57,7 @@ class Meetings:
         """Return those of the pairs that keep their order, (m, 2)."""
         return self.pairs[self.beside]
 
-    def allow(self, nozzle: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+    def allow(self, nozzle: Ints, bead: Ints, depth: Floats) -> Flags:
         """Tell which contacts the source makes too, no less deep; `NOBODY`'s never are."""
         if not len(self.key):
             return np.zeros(len(nozzle), np.bool_)
@@ -108,7 +105,7 @@ def _most(contours: Contours, head: Head, pairs: Ints) -> Floats:
     return np.asarray(np.where(same, np.maximum(most, min([WIDER_MM, *wider])), most))
 
 
-def _deep(contours: Contours, head: Head, pairs: Ints, depth: Floats) -> NDArray[np.bool_]:
+def _deep(contours: Contours, head: Head, pairs: Ints, depth: Floats) -> Flags:
     """Tell which contacts no order that is safe has: too deep, and between layers, (k,)."""
     other = contours.layer[pairs[:, 0]] != contours.layer[pairs[:, 1]]
     return np.asarray(other & (depth > _most(contours, head, pairs)))
@@ -128,17 +125,15 @@ def _within_layers(
     for each in np.flatnonzero(high > low).tolist():
         rows = np.flatnonzero(layer[owner] == each)
         laid = layer[beads.label] == each
-        some = Beads(
-            beads.start[laid], beads.end[laid], beads.width[laid], beads.height[laid],
-            np.searchsorted(rows, beads.since[laid]), beads.label[laid],
-        )  # fmt: skip
+        some = beads.at(laid)
+        some = replace(some, since=np.searchsorted(rows, some.since))
         found, depth = deepest_contacts(moves[rows], owner[rows], some, head, margins=margins)
         pairs.append(found)
         depths.append(depth)
     return np.concatenate(pairs), np.concatenate(depths)
 
 
-def _beside(contours: Contours, pairs: Ints) -> NDArray[np.bool_]:
+def _beside(contours: Contours, pairs: Ints) -> Flags:
     """Tell which pairs are of different contours side by side, seen from above, (k,)."""
     if not len(pairs):
         return np.empty(0, np.bool_)
@@ -169,44 +164,66 @@ def _as_printed(contours: Contours) -> tuple[Floats, Ints, Beads]:
     end = start + 1
     end[rests] = rests
     moves = np.hstack([contours.points[start], contours.points[end]])
-    laid = np.ones(len(owner), np.bool_)
-    laid[rests] = False
-    beads = Beads(
-        contours.points[start[laid]], contours.points[end[laid]],
-        contours.width[owner[laid]], contours.height[owner[laid]],
-        rests[owner[laid]].astype(np.int64), owner[laid].astype(np.int64),
-    )  # fmt: skip
+    beads = beads_there(contours)
+    beads = replace(beads, since=rests[beads.label].astype(np.int64))
     return moves, owner.astype(np.int64), beads
+
+
+@dataclass(frozen=True, slots=True)
+class Whose:
+    """Which contour of the source each move of a head is of, or stands above."""
+
+    own: Ints  # (m,) contour it prints; NOBODY: none
+    last: Ints  # (m,) move that printed last up to it; -1: none
+    next: Ints  # (m,) move that prints next from it on; m: none
+    above: tuple[Ints, Ints]  # (m,) contour straight above whose end, or begin, it goes; NOBODY
+
+    @staticmethod
+    def of(moves: Floats, own: Ints) -> Whose:
+        """Take moves, (m, 6), in their order, and the contours they print."""
+        every = np.arange(len(own))
+        last = np.maximum.accumulate(np.where(own >= 0, every, -1))
+        following = np.minimum.accumulate(np.where(own >= 0, every, len(own))[::-1])[::-1]
+        above = _upright(moves, own, last, 3), _upright(moves, own, following, 0)
+        return Whose(own, last, following, above)
+
+    def of_move(self, at: Ints) -> Ints:
+        """Return the contours of moves `last` or `next`."""
+        known = np.clip(at, 0, len(self.own) - 1)
+        return np.where(at == known, self.own[known], NOBODY)
+
+    def allow(self, meetings: Meetings, move: Ints, bead: Ints, depth: Floats) -> Flags:
+        """Tell which contacts of moves with the beads of contours are the source's, (k,).
+
+        One straight up or down at the end of a contour, or at its start, is that contour's.
+        """
+        met = meetings.allow(self.own[move], bead, depth)
+        for contour in self.above:
+            met |= meetings.allow(contour[move], bead, depth)
+        return met
+
+
+def _upright(moves: Floats, own: Ints, at: Ints, column: int) -> Ints:
+    """Return the contour of move `at` for moves straight up or down where that ends or begins."""
+    known = np.clip(at, 0, len(moves) - 1)
+    point = moves[known, column : column + 3]
+    near = np.abs(moves - np.hstack([point, point]))[:, [0, 1, 3, 4]].max(axis=1) < AT_MM
+    above = np.minimum(moves[:, 2], moves[:, 5]) >= point[:, 2] - AT_MM
+    return np.where(near & above & (at == known), own[known], NOBODY)
+
+
+def printed_by(actions: HeadActions) -> Ints:
+    """Return the contour that each leg prints, NOBODY: none, and behind all NOBODY, (k + 1,)."""
+    printed = np.where(actions.kind == ActionKind.PRINT, actions.contour, NOBODY)
+    return np.append(printed, NOBODY).astype(np.int64)
 
 
 def allowed_in_plan(
     meetings: Meetings, actions: HeadActions, moves: Floats, leg: Ints, beads: Beads
 ) -> Allowed:
-    """Return which contacts of a head's moves in a plan are the source's.
-
-    A move is of the contour it prints. One straight up or down at the end of the contour
-    before, or at the start of the next, is that contour's.
-    """
-    if not len(actions):  # a head that stays at its park prints nothing that could be allowed
-        return lambda move, bead, depth: np.zeros(len(move), np.bool_)
-    printed = np.where(actions.kind == ActionKind.PRINT, actions.contour, NOBODY).astype(np.int64)
-    every = np.arange(len(printed))
-    prints = printed >= 0
-    before = np.maximum.accumulate(np.where(prints, every, NOBODY))
-    after = np.minimum.accumulate(np.where(prints, every, len(every))[::-1])[::-1]
-    after = np.where(after < len(every), after, NOBODY)
-    own = np.where(leg >= 0, printed[np.maximum(leg, 0)], NOBODY)
-    left = _upright(actions, moves, before[np.maximum(leg, 0)], last=True)
-    due = _upright(actions, moves, after[np.maximum(leg, 0)], last=False)
-
-    def allowed(move: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
-        label = beads.label[bead]
-        met = meetings.allow(own[move], label, depth)
-        for whose in (left, due):
-            met |= meetings.allow(whose[move], label, depth)
-        return met
-
-    return allowed
+    """Return which contacts of a head's moves in a plan are the source's."""
+    whose = Whose.of(moves, printed_by(actions)[leg])
+    return lambda move, bead, depth: whose.allow(meetings, move, beads.label[bead], depth)
 
 
 def asked_near(meetings: Meetings, actions: HeadActions, leg: Ints) -> NearPrint:
@@ -216,23 +233,13 @@ def asked_near(meetings: Meetings, actions: HeadActions, leg: Ints) -> NearPrint
     """
     if not len(actions) or not len(meetings.key):
         return NearPrint()
-    printed = np.where(actions.kind == ActionKind.PRINT, actions.contour, NOBODY).astype(np.int64)
+    printed = printed_by(actions)
     rows = np.flatnonzero(printed >= 0)
     known = np.concatenate([[NOBODY], printed[rows], [NOBODY]])
     at = np.searchsorted(rows, leg)  # prints before the leg
     before, after = known[at], known[np.searchsorted(rows, leg, side="right") + 1]
-    whose = np.stack([np.where(leg >= 0, printed[leg], NOBODY), before, after], axis=1)
+    whose = np.stack([printed[leg], before, after], axis=1)
     return NearPrint(touching=meetings.key, whose=whose, n=meetings.n)
-
-
-def _upright(actions: HeadActions, moves: Floats, leg: Ints, *, last: bool) -> Ints:
-    """Return the contour of `leg` for moves straight up or down at its end, else `NOBODY`."""
-    ends = actions.path_offsets[1:] - 1 if last else actions.path_offsets[:-1]
-    known = np.maximum(leg, 0)
-    point = actions.path[ends[known]]
-    near = np.abs(moves - np.hstack([point, point]))[:, [0, 1, 3, 4]].max(axis=1) < AT_MM
-    above = np.minimum(moves[:, 2], moves[:, 5]) >= point[:, 2] - AT_MM
-    return np.where((leg >= 0) & near & above, actions.contour[known], NOBODY).astype(np.int64)
 
 
 def check_meetings(
@@ -263,7 +270,7 @@ def check_meetings(
     return faults
 
 
-def turned_touching(contour: Ints, touching: NDArray[np.bool_]) -> list[Fault]:
+def turned_touching(contour: Ints, touching: Flags) -> list[Fault]:
     """Return a fault for each contour that does not run as sliced and is `touching`."""
     wrong = contour[touching[contour]].tolist()
     lines = [

@@ -14,24 +14,21 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Flags, Floats, Ints
 from sim.content.legs import Legs
-from sim.content.seams import Moved, run_of
+from sim.content.seams import laid_by
 from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.collision import Solid, Vertices, swept_vertices
 from sim.replay.compiled import compiled
 from sim.replay.motion import arrival_times
-from sim.replay.shapes import parts_of
+from sim.replay.shapes import parts_of, rails_between
 from sim.rules.order import PartialOrder
 
 SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +91,9 @@ def print_feeds(contours: Contours, actions: HeadActions) -> Floats:
 
 
 def print_feed(contours: Contours, actions: HeadActions, action: int) -> Floats:
-    """Return the feed of each segment in the traversal of a print action."""
-    contour, entry = int(actions.contour[action]), int(actions.entry[action])
-    step = -1 if actions.reversed[action] else 1
-    rows = slice(int(contours.offsets[contour]), int(contours.offsets[contour + 1]))
-    feed = contours.feed[rows]
-    if entry:
-        run = run_of(contours, Moved(contour, entry, actions.action_path(action)[::step]))
-        feed = feed[:0] if isinstance(run, str) else run.feed
-    return feed[1:][::step]
+    """Return the feed of each segment in the traversal of a print action; none if it is wrong."""
+    laid = laid_by(contours, actions, action)
+    return np.empty(0) if isinstance(laid, str) else laid.feed
 
 
 def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:
@@ -284,7 +275,7 @@ def _near_pieces(pieces: Pieces, rows: Ints, a_box: Floats, b_box: Floats, reach
 
 
 @compiled
-def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> NDArray[np.bool_]:
+def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> Flags:
     """Tell of each row whether each tip stays below the other by less than its limit, mm, (2, 3).
 
     Least of the first less most of the second, and the other way round, axis by axis.
@@ -318,19 +309,17 @@ def rail_breaks(
 
     `shared` has the pieces of each pair (`shared_pieces`).
     """
-    names = [head.name for head in machine.heads]
     found = []
-    for rail in machine.rails:
-        on_rail = list(enumerate(names.index(name) for name in rail.order))
-        for (i, r), (j, s) in combinations(on_rail, 2):
-            pieces, side = shared[min(r, s), max(r, s)], 1 if r < s else -1
-            gap = side * (pieces.b - pieces.a)[:, rail.axis]
-            bad = np.nonzero(gap < (j - i) * rail.separation_mm - TOLERANCE_MM)[0]
+    for pair, pieces in shared.items():
+        for axis, side, least in rails_between(machine, *(machine.heads[h] for h in pair)):
+            gap = side * (pieces.b - pieces.a)[:, axis]
+            bad = np.flatnonzero(gap < least - TOLERANCE_MM)
             if len(bad):
-                k = int(bad[0])
-                at = pieces.actions[k, ::side].tolist()
-                actions = (int(at[0]), int(at[1]))
-                found.append(Meeting(trial, float(pieces.time[k]), (r, s), actions, float(gap[k])))
+                k, turn = int(bad[0]), int(side)  # the first along the rail comes first
+                r, s = pair[::turn]
+                one, other = pieces.actions[k, ::turn].tolist()
+                time_s = float(pieces.time[k])
+                found.append(Meeting(trial, time_s, (r, s), (one, other), float(gap[k])))
     return found
 
 

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine, Point
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Floats
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.replay.growth import beads_there, moves_of
+from sim.replay.growth import moves_of
 from sim.replay.material import find_contacts
-from sim.replay.shapes import as_material, parts_of
+from sim.replay.shapes import as_material, beads_there, parts_of, rails_between
 
 TOLERANCE_MM = 1e-4
 
@@ -38,16 +38,14 @@ def check_fenced(document: PlanDocument) -> list[Fault]:
     return [*listed(FaultKind.HEAD_HEAD, met), *listed(FaultKind.HEAD_MATERIAL, within)]
 
 
-def _moves(head: Head, actions: HeadActions | None) -> NDArray[np.float64]:
+def _moves(head: Head, actions: HeadActions | None) -> Floats:
     """Return the moves of a head, (m, 6)."""
     if actions is None or not len(actions):
         return np.array([[*head.park, *head.park]], np.float64)
     return moves_of(actions, head.park)[0]
 
 
-def head_meets(
-    machine: Machine, mine: Head, moves: NDArray[np.float64], gone: Head, place: Point
-) -> list[str]:
+def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, place: Point) -> list[str]:
     """Say in which moves a head comes nearer to a fenced one than it may."""
     low = np.minimum(moves[:, :3], moves[:, 3:])
     high = np.maximum(moves[:, :3], moves[:, 3:])
@@ -57,13 +55,9 @@ def head_meets(
         apart = low + ours[0] >= np.array(place) + theirs[1] + margin
         apart |= high + ours[1] <= np.array(place) + theirs[0] - margin
         bad |= ~apart.any(axis=1)
-    for rail in machine.rails:
-        if {mine.name, gone.name} <= set(rail.order):
-            steps = rail.order.index(mine.name) - rail.order.index(gone.name)
-            due = abs(steps) * rail.separation_mm - TOLERANCE_MM
-            at = place[rail.axis]
-            near = low[:, rail.axis] - at if steps > 0 else at - high[:, rail.axis]
-            bad |= near < due
+    for axis, side, least in rails_between(machine, gone, mine):
+        near = low[:, axis] - place[axis] if side > 0.0 else place[axis] - high[:, axis]
+        bad |= near < least - TOLERANCE_MM
     return [
         f"head {mine.name} comes too near to head {gone.name}, which stands at "
         f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f}), between "
@@ -73,7 +67,7 @@ def head_meets(
     ]
 
 
-def _boxes(head: Head) -> list[NDArray[np.float64]]:
+def _boxes(head: Head) -> list[Floats]:
     """Return least and most of each part of a head round its tip, slices too, (2, 3) each."""
     return [
         np.array([[*part.polygon.min(axis=0), part.low], [*part.polygon.max(axis=0), part.high]])

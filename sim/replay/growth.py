@@ -7,18 +7,16 @@ holds for every timing. Actions are legs (`sim.content.legs`).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Floats, Ints
 from sim.content.legs import Legs
 from sim.replay.shapes import Beads
 from sim.rules.order import PartialOrder
 
 
-def moves_of(
-    actions: HeadActions, park: tuple[float, float, float]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def moves_of(actions: HeadActions, park: tuple[float, float, float]) -> tuple[Floats, Ints]:
     """Return the moves of a head, (m, 6), with the leg of each, (m,).
 
     A last move that goes nowhere stands for the rest after the last leg. A head that does
@@ -33,7 +31,7 @@ def moves_of(
     return np.vstack([moves, last]), np.concatenate([owner, [len(actions) - 1]])
 
 
-def _segments(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _segments(actions: HeadActions) -> tuple[Ints, Ints]:
     """Return path index and leg of every segment; a path of one point has one segment."""
     sizes = np.diff(actions.path_offsets)
     count = np.maximum(sizes - 1, 1)
@@ -42,7 +40,7 @@ def _segments(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64
     return actions.path_offsets[owner] + within, owner
 
 
-def first_moves(actions: HeadActions) -> NDArray[np.int64]:
+def first_moves(actions: HeadActions) -> Ints:
     """Return the first move of every leg, and behind them that of the last rest, (k + 1,)."""
     count = np.maximum(np.diff(actions.path_offsets) - 1, 1)
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
@@ -70,25 +68,9 @@ def beads_for(contours: Contours, legs: Legs, order: PartialOrder, head: int) ->
     return Beads(start, end, width, height, since.astype(np.int64), label.astype(np.int64))
 
 
-def beads_there(printed: Contours) -> Beads:
-    """Return the beads of what stands on the bed before the first move."""
-    begins = np.zeros(len(printed.points), np.bool_)
-    begins[printed.offsets[:-1]] = True
-    end = np.flatnonzero(~begins)
-    label = np.repeat(np.arange(len(printed)), np.diff(printed.offsets) - 1)
-    return Beads(
-        printed.points[end - 1], printed.points[end], printed.width[label], printed.height[label],
-        np.zeros(len(end), np.int64), label.astype(np.int64),
-    )  # fmt: skip
-
-
 def _own_since(
-    actions: HeadActions,
-    starts: NDArray[np.int64],
-    owner: NDArray[np.int64],
-    last: NDArray[np.int64],
-    moves_begin: NDArray[np.int64],
-) -> NDArray[np.int64]:
+    actions: HeadActions, starts: Ints, owner: Ints, last: Ints, moves_begin: Ints
+) -> Ints:
     """Return from which move on a head may meet its own beads.
 
     Printed as sliced, a contour may slope over itself as its slicer meant it; in

@@ -17,10 +17,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head
-from decmcts.print.plan import HeadActions
+from decmcts.print.plan import HeadActions, PlanDocument
+from sim.arrays import Floats, Ints
+from sim.content.legs import Legs
+from sim.faults import Gap
 from sim.replay.bodies import Stations, action_stations, parked, rest_stations
 from sim.replay.boxes import build_tree
 from sim.replay.collision import Solid, swept_vertices
@@ -33,9 +35,6 @@ SAME_MM = 1e-9  # nearer by less than this is not nearer
 STACK = 64  # a binary tree of 2**63 leaves is not deeper
 SLANTING = 256  # pairs of climbing segments that are kept
 JUDGED = 32  # of those, how many FCL is asked about at the most
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +185,25 @@ def _exactly(stations: Stations, others: Stations, row: list[int], shapes: Shape
         for part, path in zip(shapes.parts[k], (mine, theirs), strict=True)
     )
     return one.distance(other)
+
+
+def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Gap | None:
+    """Return how near any two heads may come, over all that they may do at the same time."""
+    machine = document.machine
+    near = least_gap(machine.heads, legs.all_actions, order)
+    if near.heads[0] < 0:
+        return None
+    r, s = near.heads
+    return Gap(
+        near.gap_mm,
+        machine.head_clearance_mm,
+        (machine.heads[r].name, machine.heads[s].name),
+        (
+            legs.station(r, near.action, near.rest),
+            legs.station(s, near.other_action, near.other_rest),
+        ),
+        near.at_least,
+    )
 
 
 @compiled

@@ -15,15 +15,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Flags, Floats
 from sim.replay.compiled import compiled
 from sim.replay.execution import print_feeds
-
-Floats = NDArray[np.float64]
+from sim.replay.motion import share, steps_of
 
 
 def least_arrivals(
@@ -44,14 +43,10 @@ def least_arrivals(
         return np.zeros(n)
     machine = document.machine
     limits = machine.limits_of(machine.head(actions.head))
-    step = np.diff(actions.path, axis=0, prepend=actions.path[:1])
-    length = np.linalg.norm(step, axis=1)
-    unit = step / np.maximum(length, 1e-12)[:, None]
-    along = np.maximum(np.abs(unit), 1e-9)
-    speed = (np.array(limits.max_feed[:3]) / along).min(axis=1)
-    speed = np.minimum(_feeds(document, actions, limits, source), speed)
-    rate = (np.array(limits.max_acceleration[:3]) / along).min(axis=1)
-    rate = np.minimum(_accelerations(document, actions, limits, source), rate)
+    length, unit = steps_of(actions.path)
+    speed = np.minimum(_feeds(document, actions, limits, source), share(limits.max_feed, unit))
+    rate = _accelerations(document, actions, limits, source)
+    rate = np.minimum(rate, share(limits.max_acceleration, unit))
     first = np.zeros(n, np.bool_)
     first[actions.path_offsets[:-1]] = True
     length[first] = 0.0
@@ -102,7 +97,7 @@ def _accelerations(
 
 @compiled
 def least_times(
-    length: Floats, unit: Floats, speed: Floats, rate: Floats, stops: NDArray[np.bool_],
+    length: Floats, unit: Floats, speed: Floats, rate: Floats, stops: Flags,
     jerk: Floats, deviation: float,
 ) -> Floats:  # fmt: skip
     """Return the least seconds of each segment, (n,).

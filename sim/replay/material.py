@@ -8,18 +8,16 @@ the carriage's bodies are boxes, which only must not touch them.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Head
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind
+from sim.replay.gaps import meets, room
 from sim.replay.near_misses import CAPACITY, Capacity, NearPrint, UndecidedError, near_misses
-from sim.replay.overlap import meets
 from sim.replay.shapes import Beads, Part, parts_of
 
 
@@ -41,32 +39,30 @@ class Contact:
     depth_mm: float  # how far the bead's top is above the part's lower side
 
 
-Allowed = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]
+Allowed = Callable[[Ints, Ints, Floats], Flags]
 """Tells of moves, beads, and how far each bead stands above the tip, which may meet."""
 
 
-Ends = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]
+Ends = Callable[[Ints, Floats], Flags]
 """Tells which contacts, as pairs of owners (k, 2) and depths (k,), settle a question."""
 
 
-def over_tip(
-    moves: NDArray[np.float64], beads: Beads, move: NDArray[np.int64], bead: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def over_tip(moves: Floats, beads: Beads, move: Ints, bead: Ints) -> Floats:
     """Return how far the highest of a bead is above the lowest of the tip on a move, (k,) mm."""
     top = np.maximum(beads.start[bead, 2], beads.end[bead, 2])
     return np.asarray(top - np.minimum(moves[move, 2], moves[move, 5]))
 
 
 def deepest_contacts(
-    moves: NDArray[np.float64],
-    owner: NDArray[np.int64],
+    moves: Floats,
+    owner: Ints,
     beads: Beads,
     head: Head,
     *,
     margins: tuple[float, float],
     ends_at: Ends | None = None,
     capacity: Capacity = CAPACITY,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Ints, Floats]:
     """Return which owners of moves meet which beads' owners, and how deep.
 
     Parameters
@@ -83,26 +79,45 @@ def deepest_contacts(
     """
     order = np.argsort(beads.since, kind="stable")
     search = Search(moves, beads, parts_of(head), *margins)
-    found, total = near_misses(moves, beads, order, search.parts, margins, capacity)
-    while total > capacity.first:
+    for found, whole in _near(search, order, "near misses in the source's own order", capacity):
+        if whole:
+            return _deepest(search, owner, order, found)
         if ends_at is not None:
             deepest = _deepest(search, owner, order, found, ends_at)
             if len(deepest[0]):
                 return deepest
+    raise AssertionError("the last of all tries is whole")
+
+
+def _near(
+    search: Search, order: Ints, what: str, capacity: Capacity, near: NearPrint | None = None
+) -> Iterator[tuple[Ints, bool]]:
+    """Yield near misses, more at each try, and whether they are all of them.
+
+    Raises
+    ------
+    UndecidedError
+        When there are too many, named `what`.
+    """
+    margins = (search.clearance_mm, search.tolerance_mm)
+    while True:
+        found, total = near_misses(
+            search.moves, search.beads, order, search.parts, margins, capacity, near
+        )
+        yield found, total <= capacity.first
+        if total <= capacity.first:
+            return
         if capacity.first >= capacity.most:
-            raise UndecidedError(f"over {capacity.most} near misses in the source's own order")
+            raise UndecidedError(f"over {capacity.most} {what}")
         capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
-        found, total = near_misses(moves, beads, order, search.parts, margins, capacity)
-    return _deepest(search, owner, order, found)
 
 
 def _deepest(
-    search: Search, owner: NDArray[np.int64], order: NDArray[np.int64],
-    found: NDArray[np.int64], only: Ends | None = None,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:  # fmt: skip
+    search: Search, owner: Ints, order: Ints,
+    found: Ints, only: Ends | None = None,
+) -> tuple[Ints, Floats]:  # fmt: skip
     """Return the pairs of owners that meet, and how deep, of candidates; `only` some of them."""
     moves, beads = search.moves, search.beads
-    polygons = [shapely.Polygon(part.polygon) for part in search.parts]
     near = order[found[:, 1]]
     over = over_tip(moves, beads, found[:, 0], near)
     pair = np.stack([owner[found[:, 0]], beads.label[near]], axis=1)
@@ -112,17 +127,14 @@ def _deepest(
     for k in ranked[wanted[ranked]].tolist():
         key = (int(pair[k, 0]), int(pair[k, 1]))
         move, _, part = found[k].tolist()
-        if (
-            key not in deepest
-            and _judge(search, move, int(near[k]), part, polygons[part]) is not None
-        ):
+        if key not in deepest and _judge(search, move, int(near[k]), part) is not None:
             deepest[key] = float(over[k])
     pairs = np.array(list(deepest), np.int64).reshape(-1, 2)
     return pairs, np.array(list(deepest.values()), np.float64)
 
 
 def find_contacts(
-    moves: NDArray[np.float64],
+    moves: Floats,
     beads: Beads,
     head: Head,
     *,
@@ -158,75 +170,54 @@ def find_contacts(
     if not len(beads.start) or not len(moves):
         return []
     order = np.argsort(beads.since, kind="stable")
-    parts = parts_of(head)
-    margins = (clearance_mm, tolerance_mm)
-    while True:
-        found, total = near_misses(moves, beads, order, parts, margins, capacity, near)
-        search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
+    search = Search(moves, beads, parts_of(head), clearance_mm, tolerance_mm)
+    what = "near misses of head and material, too many to judge"
+    for found, _ in _near(search, order, what, capacity, near):
         if allowed is not None:
             met = order[found[:, 1]]
             found = found[~allowed(found[:, 0], met, over_tip(moves, beads, found[:, 0], met))]
-        contacts = _judge_all(search, order, found, limit)
-        if contacts or total <= capacity.first:
+        if contacts := _judge_all(search, order, found, limit):
             return contacts
-        if capacity.first >= capacity.most:
-            raise UndecidedError(
-                f"over {capacity.most} near misses of head and material, too many to judge"
-            )
-        capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
+    return []
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
     """What the exact check of one candidate after the other needs."""
 
-    moves: NDArray[np.float64]  # (m, 6)
+    moves: Floats  # (m, 6)
     beads: Beads
     parts: list[Part]
     clearance_mm: float
     tolerance_mm: float
 
 
-def _judge_all(
-    search: Search, order: NDArray[np.int64], found: NDArray[np.int64], limit: int
-) -> list[Contact]:
+def _judge_all(search: Search, order: Ints, found: Ints, limit: int) -> list[Contact]:
     """Return which candidates are contacts, one a move, at most `limit`."""
-    polygons = [shapely.Polygon(part.polygon) for part in search.parts]
-    for polygon in polygons:
-        shapely.prepare(polygon)
     contacts: dict[int, Contact] = {}
     for move, at, part in found.tolist():
         if len(contacts) >= limit:
             break
         if move not in contacts:
-            depth = _judge(search, move, int(order[at]), part, polygons[part])
+            depth = _judge(search, move, int(order[at]), part)
             if depth is not None:
                 contacts[move] = Contact(move, int(order[at]), search.parts[part].name, depth)
     return list(contacts.values())
 
 
-def _judge(
-    search: Search, move: int, bead: int, number: int, polygon: shapely.Polygon
-) -> float | None:
+def _judge(search: Search, move: int, bead: int, number: int) -> float | None:
     """Return how far a bead is above the underside of a part that meets it; None if it does not."""
-    part, beads = search.parts[number], search.beads
-    start, end = beads.start[bead].tolist(), beads.end[bead].tolist()
-    row = search.moves[move].tolist()
-    reach = float(beads.width[bead]) / 2 + (search.clearance_mm if part.slice else 0.0)
-    if not meets(
-        (row[:3], row[3:]),
-        (start, end),
-        float(beads.height[bead]),
-        polygon,
-        (part.low, math.inf if part.slice else part.high),
-        reach=reach,
-        tolerance_mm=search.tolerance_mm,
-    ):
+    part, beads, tolerance = search.parts[number], search.beads, search.tolerance_mm
+    start, end, row = beads.start[bead], beads.end[bead], search.moves[move]
+    reach = beads.width[bead] / 2 + (search.clearance_mm if part.slice else 0.0) - tolerance
+    top = np.inf if part.slice else part.high
+    span = (part.low + tolerance, top + beads.height[bead] - tolerance)
+    if not meets(row, start, end, span, part.polygon, reach, room()):
         return None
     return float(max(start[2], end[2]) - (min(row[2], row[5]) + part.low))
 
 
-def place_of(move: NDArray[np.float64]) -> str:
+def place_of(move: Floats) -> str:
     """Return the words for the middle of a move."""
     x, y, z = (move[:3] + move[3:]) / 2
     return f"({x:.2f}, {y:.2f}, {z:.2f})"

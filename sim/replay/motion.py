@@ -8,17 +8,14 @@ The planner's model is in `decmcts.print.motion` and is not used here.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import MotionLimits
+from sim.arrays import Flags, Floats, Ints
 from sim.replay.compiled import compiled
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def arrival_times(
-    path: Floats, offsets: Ints, feed: Floats, prints: NDArray[np.bool_], limits: MotionLimits
+    path: Floats, offsets: Ints, feed: Floats, prints: Flags, limits: MotionLimits
 ) -> Floats:
     """Return the seconds from the start of each polyline to each of its points, (n,).
 
@@ -32,18 +29,23 @@ def arrival_times(
     """
     if len(path) < 2:
         return np.zeros(len(path))
-    step = np.diff(path, axis=0, prepend=path[:1])
-    length = np.linalg.norm(step, axis=1)
-    unit = step / np.maximum(length, 1e-12)[:, None]
-    speed = np.minimum(feed, _share(limits.max_feed, unit))
+    length, unit = steps_of(path)
+    speed = np.minimum(feed, share(limits.max_feed, unit))
     wanted = np.where(prints, limits.acceleration, limits.travel_acceleration)
-    acceleration = np.minimum(wanted, _share(limits.max_acceleration, unit))
+    acceleration = np.minimum(wanted, share(limits.max_acceleration, unit))
     seconds = np.zeros(len(path))
     jerk = np.array(limits.jerk[:3])
     if limits.junction_deviation > 0.0:  # the jerk that allows a right angle the same speed
         jerk[:] = np.sqrt(limits.acceleration * limits.junction_deviation / (np.sqrt(2.0) - 1.0))
     for_each_path(offsets, length, unit, speed, acceleration, jerk, seconds)
     return seconds
+
+
+def steps_of(path: Floats) -> tuple[Floats, Floats]:
+    """Return length, (n,) mm, and direction, (n, 3), of the segment that ends at each point."""
+    step = np.diff(path, axis=0, prepend=path[:1])
+    length = np.linalg.norm(step, axis=1)
+    return length, step / np.maximum(length, 1e-12)[:, None]
 
 
 @compiled
@@ -59,7 +61,7 @@ def for_each_path(
             seconds[a:b] = np.cumsum(times)
 
 
-def _share(limits: tuple[float, float, float, float], unit: Floats) -> Floats:
+def share(limits: tuple[float, float, float, float], unit: Floats) -> Floats:
     """Return the largest value along each direction whose parts keep the limits of x, y and z."""
     return np.asarray((np.array(limits[:3]) / np.maximum(np.abs(unit), 1e-9)).min(axis=1))
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.machine import Machine
+from sim.arrays import Floats, Ints
 from sim.faults import Gap
 from sim.replay import raster
+from sim.replay.gaps import room
 from sim.replay.shapes import Beads, Part
 
 MARGIN_MM = 0.01  # rectangles round beads are this much larger than they, and their clearance
@@ -46,22 +47,20 @@ class NearPrint:
 
     first: int = 0  # move that counts
     end: int = 1 << 62  # one past the last
-    touching: NDArray[np.int64] = field(  # (k,) keys of pairs, ascending: first * n + second
+    touching: Ints = field(  # (k,) keys of pairs, ascending: first * n + second
         default_factory=lambda: np.empty(0, np.int64)
     )
-    whose: NDArray[np.int64] = field(  # (m, 3) contours of each move, the first of such pairs
+    whose: Ints = field(  # (m, 3) contours of each move, the first of such pairs
         default_factory=lambda: np.empty((0, 3), np.int64)
     )
-    contour: NDArray[np.int64] | None = None  # (n,) of each bead; None: what it is called
+    contour: Ints | None = None  # (n,) of each bead; None: what it is called
     n: int = 1  # contours of the print
     gap_mm: float = np.inf  # between the part and the edge of the bead; infinite: none is as near
     move: int = -1
     bead: int = -1
     part: str = ""
 
-    def gap(
-        self, machine: Machine, head: int, does: str, called: str, label: NDArray[np.int64]
-    ) -> Gap:
+    def gap(self, machine: Machine, head: int, does: str, called: str, label: Ints) -> Gap:
         """Return what was found as a figure of a verdict.
 
         `does` says what the head does there, `called` what the labels of the beads are.
@@ -80,12 +79,12 @@ class NearPrint:
             self.part = parts[int(who[2])].name
 
 
-Asked = tuple[NDArray[np.float64], NDArray[np.int64], Any, Any, Any, Any, Any]
-"""What `sim.replay.bead_gaps.come_nearer` takes."""
+Asked = tuple[Floats, Ints, Any, Any, Any, Any, Any]
+"""What `sim.replay.gaps.come_nearer` takes."""
 
 
 def asked_of(
-    near: NearPrint | None, beads: Beads, rows: NDArray[np.int64], parts: list[Part], packed: Any,
+    near: NearPrint | None, beads: Beads, rows: Ints, parts: list[Part], packed: Any,
     margins: tuple[float, float],
 ) -> Asked:  # fmt: skip
     """Return the question for the least gap as kernels take it; None: it is not asked.
@@ -109,19 +108,19 @@ def asked_of(
             *packed[1:],
         ),
         (near.touching, near.whose, near.n),
-        (np.empty((4, 3)), np.empty((6, 3)), np.empty((8, 3))),
+        room(),
     )
 
 
 def near_misses(
-    moves: NDArray[np.float64],
+    moves: Floats,
     beads: Beads,
-    order: NDArray[np.int64],
+    order: Ints,
     parts: list[Part],
     margins: tuple[float, float],
     capacity: Capacity,
     near: NearPrint | None = None,
-) -> tuple[NDArray[np.int64], int]:
+) -> tuple[Ints, int]:
     """Return rows (move, position in `order`, part) to look at closely, and their number.
 
     With more than `capacity.first` the search stops there, and the number is above that.
@@ -152,14 +151,12 @@ def near_misses(
     return found, n
 
 
-def _there_by(since: NDArray[np.int64], n_moves: int) -> NDArray[np.int64]:
+def _there_by(since: Ints, n_moves: int) -> Ints:
     """Return how many beads, sorted by `since`, may be there at each move, (n_moves,)."""
     return np.searchsorted(since, np.arange(n_moves), side="right")
 
 
-def _that_matter(
-    moves: NDArray[np.float64], since: NDArray[np.int64], tops: NDArray[np.float64], least: float
-) -> NDArray[np.int64]:
+def _that_matter(moves: Floats, since: Ints, tops: Floats, least: float) -> Ints:
     """Return the beads that are higher than some part of the head on a move made later.
 
     A head that prints layer by layer never goes below the top of anything, so there are none.
@@ -169,9 +166,7 @@ def _that_matter(
     return there[tops[there] > lowest[np.maximum(since[there], 0)]]
 
 
-def _refuse_too_many(
-    rows: NDArray[np.float64], grid: NDArray[np.float64], shape: NDArray[np.int64], most: int
-) -> None:
+def _refuse_too_many(rows: Floats, grid: Floats, shape: Ints, most: int) -> None:
     """Raise UndecidedError where beads cover more than `most` cells, counted where they may."""
     across = np.abs(rows[:, 2:4])
     spans = rows[:, 4:5] * across + rows[:, 5:6] * across[:, ::-1]
@@ -182,7 +177,7 @@ def _refuse_too_many(
         raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
 
 
-def _rectangles(beads: Beads, order: NDArray[np.int64], clearance_mm: float) -> NDArray[np.float64]:
+def _rectangles(beads: Beads, order: Ints, clearance_mm: float) -> Floats:
     """Return boxes round the beads as the raster takes them, (n, 7), a margin too large."""
     start, end = beads.start[order], beads.end[order]
     along = end[:, :2] - start[:, :2]

@@ -6,17 +6,23 @@ action passes a point. That is never sooner than if all the way to there is prin
 source's feed, without acceleration, and never later than the action's end. These limits are
 what nominal times are checked against. Where a head stops for another one, its controller takes
 `rest_s` until it moves again: behind each wait, and behind each end that it signals at rest.
+
+Signals nearer than `signal_interval_s` are lost, so who waits for them would wait longer than the
+plan says. Files are judged by their own lines (`sim.heads.order`); here the plan's times are.
+Along a travel, whose feed the plan does not state, a point is passed as if at a uniform speed.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
+from sim.arrays import Flags, Floats
 from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
@@ -57,7 +63,7 @@ def check_times(document: PlanDocument, all_actions: tuple[HeadActions, ...]) ->
     return listed(FaultKind.TIMES, lines)
 
 
-def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[NDArray[np.bool_]]:
+def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[Flags]:
     """Tell of each action whether its head surely stands still, its moves run out, before it.
 
     It does where it waits for another head, and behind an end that another head waits for if it
@@ -163,16 +169,82 @@ def _passed(contours: Contours, all_actions: tuple[HeadActions, ...], edge: Afte
     begin, end = float(actions.begin_s[edge.action]), float(actions.end_s[edge.action])
     if edge.point in (ACTION_END, len(actions.action_path(edge.action)) - 1):
         return end
-    return min(begin + _least_seconds(contours, actions, edge.action, edge.point), end)
+    printed = _printed_s(contours, actions, edge.action)
+    least = 0.0 if printed is None else float(printed[edge.point]) * (1.0 - ROUNDING)
+    return min(begin + least, end)
 
 
-def _least_seconds(contours: Contours, actions: HeadActions, action: int, point: int) -> float:
-    """Return what printing to a point of an action takes at least; 0 of travels."""
+def _printed_s(contours: Contours, actions: HeadActions, action: int) -> Floats | None:
+    """Return the seconds to print to each point of an action at the source's feed, (n,).
+
+    None of travels, and of a wrong path, which is reported elsewhere.
+    """
     if actions.kind[action] != ActionKind.PRINT:
-        return 0.0
-    path, feed = actions.action_path(action), print_feed(contours, actions, action)
-    if len(feed) != len(path) - 1:
-        return 0.0  # a wrong path is reported elsewhere
-    length = np.linalg.norm(np.diff(path, axis=0), axis=1)[:point]
-    moving = feed[:point] > 0.0
-    return float((length[moving] / feed[:point][moving]).sum()) * (1.0 - ROUNDING)
+        return None
+    length = np.linalg.norm(np.diff(actions.action_path(action), axis=0), axis=1)
+    feed = print_feed(contours, actions, action)
+    if len(feed) != len(length):
+        return None
+    return np.concatenate([[0.0], np.cumsum(length / np.where(feed > 0.0, feed, np.inf))])
+
+
+def check_signals(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[Fault]:
+    """Check that a head has `signal_interval_s` between any two places that others wait for."""
+    machine = document.machine
+    interval_s = machine.signal_interval_s if machine.release == "point" else 0.0
+    if interval_s <= 0.0:
+        return []
+    lines = []
+    for h, actions in enumerate(all_actions):
+        clocks: dict[int, Floats] = {}
+        places = sorted(_asked(all_actions, h))
+        for action, _ in places:
+            if action not in clocks:
+                clocks[action] = _clock(document, actions, action)
+        for (k, p), (n, q) in pairwise(places):
+            gap = _gap(actions, clocks, (k, p), (n, q))
+            if gap < interval_s - TIME_TOLERANCE_S:
+                lines.append(
+                    f"{describe(actions, n)} is signalled at point {q}, {gap:.3f} s after point "
+                    f"{p} of action {k}; the controller tells {interval_s:g} s apart"
+                )
+    return listed(FaultKind.TIMES, lines)
+
+
+def _asked(all_actions: tuple[HeadActions, ...], head: int) -> set[tuple[int, int]]:
+    """Return action and point, an end as the last point, of all that others wait for of a head."""
+    sizes = np.diff(all_actions[head].path_offsets)
+    found = set()
+    for h, actions in enumerate(all_actions):
+        if h == head:
+            continue
+        mine = actions.after_head == head
+        action, point = actions.after_action[mine], actions.after_point[mine]
+        last = sizes[action] - 1
+        point = np.where(point == ACTION_END, last, point)
+        found |= set(zip(action.tolist(), point.tolist(), strict=True))
+    return found
+
+
+def _clock(document: PlanDocument, actions: HeadActions, action: int) -> Floats:
+    """Return the least seconds from the begin of an action to its points, (n,)."""
+    printed = _printed_s(document.contours, actions, action)
+    if printed is not None:
+        return printed
+    steps = np.linalg.norm(np.diff(actions.action_path(action), axis=0), axis=1)
+    takes = float(actions.end_s[action] - actions.begin_s[action])
+    share = np.cumsum(steps) / max(float(steps.sum()), 1e-9)
+    return np.concatenate([[0.0], share * takes])
+
+
+def _gap(
+    actions: HeadActions, clocks: dict[int, Floats], first: tuple[int, int], next_: tuple[int, int]
+) -> float:
+    """Return the least seconds between two places of a head, by the plan's times."""
+    (k, p), (n, q) = first, next_
+    if k == n:
+        return float(clocks[k][q] - clocks[k][p])
+    left = float(clocks[k][-1] - clocks[k][p])
+    if q == len(clocks[n]) - 1:
+        return left + float(actions.end_s[n] - actions.end_s[k])
+    return left + float(actions.begin_s[n] - actions.end_s[k]) + float(clocks[n][q])

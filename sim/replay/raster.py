@@ -1,7 +1,7 @@
 """The printed material as it grows, on a grid: which beads a moving head may touch.
 
 The broad and middle phase of the head-material check. It may name a bead that the head does not
-touch, but never leaves one out. `sim.replay.overlap` then decides exactly.
+touch, but never leaves one out. `sim.replay.material` then decides exactly.
 
 The grid keeps for every cell the beads that reach into it, newest first, each
 with the highest top among itself and all older ones, so that a walk down the
@@ -14,17 +14,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sim.replay.bead_gaps import come_nearer, margin_of
+from sim.arrays import Floats, Ints
 from sim.replay.compiled import compiled
+from sim.replay.gaps import come_nearer, margin_of
 
 CELL_MM = 2.0  # side of a cell, unless that makes too many
 MOST_CELLS = 1 << 22  # of a grid: a larger area has larger cells
 COARSE = 8  # cells of the fine grid along one side of a coarse cell
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def grid_over(low: Floats, high: Floats) -> tuple[Floats, Ints]:
@@ -305,7 +302,7 @@ def scan(
     grid : (3,) corner of the grid and side of a cell
     shape : (2,) cells along x and y
     entries : number of (bead, cell) entries, from `count_entries`
-    near : how near a bead comes that no move touches (`sim.replay.bead_gaps`)
+    near : how near a bead comes that no move touches (`sim.replay.gaps`)
     """
     heights, offsets, xy = parts
     nx, ny = shape[0], shape[1]

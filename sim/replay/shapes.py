@@ -5,22 +5,39 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
-from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
+from sim.arrays import Flags, Floats, Ints
+from sim.replay.collision import HEAD_TOP_MM, Vertices, prism_vertices
 
 
 @dataclass(frozen=True, slots=True)
 class Beads:
     """Printed segments in any order, each with the first move that may meet it."""
 
-    start: NDArray[np.float64]  # (n, 3)
-    end: NDArray[np.float64]  # (n, 3)
-    width: NDArray[np.float64]  # (n,)
-    height: NDArray[np.float64]  # (n,)
-    since: NDArray[np.int64]  # (n,) index of the first move at which it may be there
-    label: NDArray[np.int64]  # (n,) what the caller calls it, e.g. the contour
+    start: Floats  # (n, 3)
+    end: Floats  # (n, 3)
+    width: Floats  # (n,)
+    height: Floats  # (n,)
+    since: Ints  # (n,) index of the first move at which it may be there
+    label: Ints  # (n,) what the caller calls it, e.g. the contour
+
+    def at(self, rows: Flags) -> Beads:
+        """Return some of the beads."""
+        return Beads(*(getattr(self, name)[rows] for name in self.__slots__))
+
+
+def beads_there(printed: Contours) -> Beads:
+    """Return the beads of contours that stand there before the first move."""
+    begins = np.zeros(len(printed.points), np.bool_)
+    begins[printed.offsets[:-1]] = True
+    end = np.flatnonzero(~begins)
+    label = np.repeat(np.arange(len(printed)), np.diff(printed.offsets) - 1)
+    return Beads(
+        printed.points[end - 1], printed.points[end], printed.width[label], printed.height[label],
+        np.zeros(len(end), np.int64), label.astype(np.int64),
+    )  # fmt: skip
 
 
 CENTRELINE_MM = 1e-3
@@ -39,7 +56,7 @@ class Part:
     """A convex prism of the head, relative to the tip."""
 
     name: str
-    polygon: NDArray[np.float64]  # (k, 2) counter-clockwise
+    polygon: Floats  # (k, 2) counter-clockwise
     low: float
     high: float
     slice: bool = False  # a slice of the head: it has no top, and keeps the clearance
@@ -54,7 +71,7 @@ def parts_of(head: Head) -> list[Part]:
     parts = [
         Part(
             f"slice at {s.height_mm:g} mm",
-            np.asarray(polygon, np.float64),
+            np.array(polygon, np.float64),
             s.height_mm,
             HEAD_TOP_MM,
             slice=True,
@@ -63,6 +80,17 @@ def parts_of(head: Head) -> list[Part]:
         for polygon in s.polygons
     ]
     for body in head.bodies:
-        corners = box_vertices(np.array(body.minimum), np.array(body.maximum))[[0, 4, 6, 2], :2]
+        (x, y, _), (to_x, to_y, _) = body.minimum, body.maximum
+        corners = np.array([[x, y], [to_x, y], [to_x, to_y], [x, to_y]], np.float64)
         parts.append(Part(body.name, corners, body.minimum[2], body.maximum[2]))
     return parts
+
+
+def rails_between(machine: Machine, a: Head, b: Head) -> list[tuple[int, float, float]]:
+    """Return axis, side of b as a sign, and least separation (mm) of each rail that has both."""
+    found = []
+    for rail in machine.rails:
+        if {a.name, b.name} <= set(rail.order):
+            steps = rail.order.index(b.name) - rail.order.index(a.name)
+            found.append((rail.axis, 1.0 if steps > 0 else -1.0, abs(steps) * rail.separation_mm))
+    return found

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules, PlanDocument
+from sim.arrays import Flags, Floats
 from sim.content.legs import Legs
 from sim.faults import Fault, FaultKind, listed
 from sim.rules.least_time import LeastTime
@@ -35,7 +36,6 @@ TRAVEL_TIMES = 15.0  # a travel up to so many times as long,
 TRAVEL_MORE_S = 1.0  # and so much more for retraction and priming;
 PRINT_TIMES = 3.0  # a print so many times: short lines at a ninth of the acceleration
 
-Floats = NDArray[np.float64]
 Recent = tuple[int, NDArray[Any], Floats]  # a contour, which ended before it, how long before
 
 
@@ -89,7 +89,12 @@ def check_cooling(
         work[actions.contour[prints]] = taken[prints]
     busy = [h for h, actions in enumerate(all_actions) if (actions.kind == ActionKind.PRINT).any()]
     if len(busy) == 1:
-        recent = _recent_alone(all_actions[busy[0]], seconds[busy[0]], rule)
+        actions, ends = all_actions[busy[0]], np.cumsum(seconds[busy[0]])
+        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        begin, end = np.full((2, len(document.contours)), np.inf)
+        end[actions.contour[prints]] = ends[prints]
+        begin[actions.contour[prints]] = ends[prints] - seconds[busy[0]][prints]
+        recent = _recent_by(begin, end, rule)
     else:
         recent = _recent_of_all(legs, order, _of_legs(legs, arrivals, seconds), rule)
     stack = _Stack.of(document.contours, rule, work)
@@ -109,12 +114,8 @@ def too_soon_in(document: PlanDocument, begin: Floats, end: Floats) -> Iterator[
         prints = actions.kind == ActionKind.PRINT
         work[actions.contour[prints]] = (actions.end_s - actions.begin_s)[prints]
     stack = _Stack.of(document.contours, rule, work)
-    order = np.argsort(end)
-    first = np.searchsorted(end[order], begin - rule, side="right")
-    last = np.searchsorted(end[order], begin, side="right")
-    for b in np.flatnonzero(np.isfinite(begin)).tolist():
-        recent = order[first[b] : last[b]]
-        yield from _too_soon(stack, b, recent, begin[b] - end[recent])
+    for b, recent, gaps in _recent_by(begin, end, rule):
+        yield from _too_soon(stack, b, recent, gaps)
 
 
 def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
@@ -132,15 +133,14 @@ def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> 
     return [Fault(FaultKind.COOLING, text)]
 
 
-def _recent_alone(actions: HeadActions, seconds: Floats, rule: float) -> Iterator[Recent]:
-    """Yield each contour of a lone head with those that ended within the rule before it."""
-    end = np.cumsum(seconds)
-    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    printed, ended, begun = actions.contour[rows], end[rows], end[rows] - seconds[rows]
-    first = np.searchsorted(ended, begun - rule, side="right")
-    for i, b in enumerate(printed.tolist()):
-        window = slice(int(first[i]), i)
-        yield b, printed[window], begun[i] - ended[window]
+def _recent_by(begin: Floats, end: Floats, rule: float) -> Iterator[Recent]:
+    """Yield each contour with those that ended within the rule before it, by these seconds."""
+    order = np.argsort(end)
+    first = np.searchsorted(end[order], begin - rule, side="right")
+    last = np.searchsorted(end[order], begin, side="right")
+    for b in np.flatnonzero(np.isfinite(begin)).tolist():
+        recent = order[first[b] : last[b]]
+        yield b, recent, begin[b] - end[recent]
 
 
 def _recent_of_all(
@@ -199,7 +199,7 @@ def _seconds(actions: HeadActions, arrivals: Floats) -> Floats:
     return np.where(moves, np.maximum(own, np.minimum(stated, most)), own)
 
 
-def _ends_under(above_floor: Floats, half: float) -> NDArray[np.bool_]:
+def _ends_under(above_floor: Floats, half: float) -> Flags:
     """Say whether material whose top is so far above a bead's underside lies right under the bead.
 
     `half` is half the bead's height, the tolerance either way: a bridge of twice the layer's

@@ -11,12 +11,10 @@ import heapq
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.arrays import Floats
 from sim.content.legs import Legs
 from sim.rules.order import PartialOrder
-
-Floats = NDArray[np.float64]
 
 
 class LeastTime:

@@ -15,32 +15,50 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from decmcts.print.plan import ACTION_END, HeadActions
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions
+from sim.arrays import Ints
 
 
 @dataclass(frozen=True, slots=True)
 class PartialOrder:
     """Vector clocks of every action, and one sequence all orders agree with."""
 
-    clocks: tuple[NDArray[np.int64], ...]  # per head (k, n_heads); own column: own index
-    sequence: NDArray[np.int64]  # (n_actions, 2) rows (head, action), a linear extension
+    clocks: tuple[Ints, ...]  # per head (k, n_heads); own column: own index
+    sequence: Ints  # (n_actions, 2) rows (head, action), a linear extension
 
-    def preceding(self, head: int, other: int) -> NDArray[np.int64]:
+    def preceding(self, head: int, other: int) -> Ints:
         """Return how many actions of `other` have ended before each action of `head` begins."""
         return self.clocks[head][:, other]
 
-    def following(self, head: int, other: int) -> NDArray[np.int64]:
+    def following(self, head: int, other: int) -> Ints:
         """Return the first action of `other` that begins after each action of `head` ended.
 
         It is the number of actions of `other` where none does.
         """
         own = np.arange(1, len(self.clocks[head]) + 1)
         return np.searchsorted(self.clocks[other][:, head], own, side="left").astype(np.int64)
+
+
+def early(
+    all_actions: tuple[HeadActions, ...], order: PartialOrder,
+    due: Callable[[HeadActions, Ints], Ints],
+) -> Ints:  # fmt: skip
+    """Return the contours that may begin before what they must follow has ended, ascending.
+
+    `due` has of a head's actions the last that each of some contours must follow; -1: none.
+    """
+    found = [np.empty(0, np.int64)]
+    for r, actions in enumerate(all_actions):
+        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        contour = actions.contour[prints].astype(np.int64)
+        for s, other in enumerate(all_actions):
+            found.append(contour[order.preceding(r, s)[prints] <= due(other, contour)])
+    return np.unique(np.concatenate(found))
 
 
 def order_of(heads: tuple[HeadActions, ...]) -> PartialOrder | list[tuple[int, int]]:
@@ -59,7 +77,7 @@ def order_of(heads: tuple[HeadActions, ...]) -> PartialOrder | list[tuple[int, i
     if any((head.after_point != ACTION_END).any() for head in heads):
         raise ValueError("actions that are waited for midway have to be cut into legs")
     chains = [_Chain(head, h, len(heads)) for h, head in enumerate(heads)]
-    runs: list[NDArray[np.int64]] = [np.empty((0, 2), np.int64)]  # (head, action) in order
+    runs: list[Ints] = [np.empty((0, 2), np.int64)]  # (head, action) in order
     waiting: dict[tuple[int, int], list[int]] = {}
     ready = deque(range(len(heads)))
     while ready:
@@ -114,7 +132,7 @@ class _Chain:
         clock[self.head] = action
         return clock
 
-    def clocks(self) -> NDArray[np.int64]:
+    def clocks(self) -> Ints:
         """Return the clocks of all actions, (k, n_heads)."""
         lasts = np.diff([0, *self.waits, self.size])
         clocks = np.repeat(np.array(self.stamped, np.int64), lasts, axis=0)

@@ -11,9 +11,9 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.legs import Legs
 from sim.faults import Fault
-from sim.rules.epochs import check_epochs
 from sim.rules.order import PartialOrder
 from sim.rules.precedence import (
+    check_epochs,
     check_freedom,
     check_lead,
     check_precedence,

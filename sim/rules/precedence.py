@@ -1,10 +1,14 @@
-"""What must come before what, found anew: the plan's pairs, roles that touch, layers ahead.
+"""What must come before what, found anew: the plan's pairs, roles, barriers, layers ahead.
 
 The definitions are in docs/definitions.md; a pair (a, b) of them is kept when the plan's
 partial order has the print of a end before that of b begins. Material that would be in
 the way is not looked at here: `sim.replay.material` moves the head through what may be there,
-which finds every pair of kind GEOMETRY that matters to the head that prints. Barriers
-are `sim.rules.epochs`, what primes the nozzle `sim.rules.priming`.
+which finds every pair of kind GEOMETRY that matters to the head that prints. What primes the
+nozzle is `sim.rules.priming`.
+
+Barriers: all of epoch k before anything of epoch k + 1, whatever the plan's pairs say. An epoch
+ends where the source changes something that no contour may be moved across: a temperature, a tool,
+a command nobody knows.
 """
 
 from __future__ import annotations
@@ -19,8 +23,9 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules
+from sim.arrays import Flags, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.rules.order import PartialOrder
+from sim.rules.order import PartialOrder, early
 
 TOUCH_MM = 0.05  # beads nearer than this touch,
 ROUNDING_MM = 1e-6  # unless by no more than this
@@ -35,9 +40,6 @@ IN_SHELLS = (
 NOT_PRINTED = -1
 PAIRS_AT_ONCE = 2**21  # of boxes that come near: some hundred MB
 LEAST_AT_ONCE = 16  # boxes asked about
-
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +119,8 @@ def _near(
     by_layer = np.argsort(contours.layer, kind="stable")
     cuts = np.flatnonzero(np.diff(contours.layer[by_layer])) + 1
     for members in np.split(by_layer, cuts):
-        of_role = {int(r): members[contours.role[members] == r] for r in _unique(contours, members)}
+        roles: list[int] = np.unique(contours.role[members]).tolist()
+        of_role = {r: members[contours.role[members] == r] for r in roles}
         trees = {r: shapely.STRtree(boxes[ids]) for r, ids in of_role.items()}
         for r, s in combinations_with_replacement(of_role, 2):
             if not (must_stay(r, s, rules) or must_stay(s, r, rules)):
@@ -134,11 +137,6 @@ def _near(
                 yield a[fits], b[fits]
 
 
-def _unique(contours: Contours, members: Ints) -> list[int]:
-    found: list[int] = np.unique(contours.role[members]).tolist()
-    return found
-
-
 def must_stay(first: int, second: int, rules: OrderRules) -> bool:
     """Tell whether a contour stays before a later one of its layer that it touches, by roles."""
     if rules.process_order == "keep" and first != second:
@@ -147,6 +145,48 @@ def must_stay(first: int, second: int, rules: OrderRules) -> bool:
         return False
     held = first in SHELLS and (second in SHELLS or second in IN_SHELLS)
     return held or second == Role.IRONING or first == second == Role.UNKNOWN
+
+
+def check_epochs(
+    contours: Contours, all_actions: tuple[HeadActions, ...], order: PartialOrder
+) -> list[Fault]:
+    """Check a plan: every print follows all prints of earlier epochs, for every timing."""
+    rows = early(
+        all_actions, order, lambda other, c: _last_before(contours, other)[contours.epoch[c]]
+    )
+    lines = [
+        f"contour {c} of epoch {contours.epoch[c]} may begin before an earlier epoch has ended"
+        for c in rows[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.PRECEDENCE, lines, total=len(rows))
+
+
+def _last_before(contours: Contours, actions: HeadActions) -> Ints:
+    """Return for each epoch the last action of a head that prints an earlier one, or -1."""
+    prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
+    last = np.full(int(contours.epoch.max(initial=0)) + 2, -1, np.int64)
+    np.maximum.at(last, contours.epoch[actions.contour[prints]] + 1, prints)
+    return np.maximum.accumulate(last)
+
+
+def check_file_epochs(line: Ints, match: Ints, source_epoch: Ints) -> list[Fault]:
+    """Check a file: the epochs of its extrusions, taken from the source, never go back.
+
+    Parameters
+    ----------
+    line : (n,) line of each extrusion of the file, in its order
+    match : (n,) the source's extrusion each one is, negative when none
+    source_epoch : (m,) epoch of each extrusion of the source, negative outside contours
+    """
+    known = np.nonzero(match >= 0)[0]
+    epoch = source_epoch[match[known]]
+    known, epoch = known[epoch >= 0], epoch[epoch >= 0]
+    back = known[np.maximum.accumulate(epoch) > epoch] if len(epoch) else known
+    lines = [
+        f"line {line[i]} prints what the source prints before a barrier already passed"
+        for i in back[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.PRECEDENCE, lines, total=len(back))
 
 
 def check_lead(
@@ -161,17 +201,14 @@ def check_lead(
     step = np.diff(contours.layer)
     run = np.concatenate([[0], np.cumsum(step != 0)])
     climb = np.concatenate([[0], np.cumsum(step < 0)])
-    early: list[Ints] = []
-    for r, actions in enumerate(all_actions):
-        prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
-        contour = actions.contour[prints].astype(np.int64)
+
+    def due(other: HeadActions, contour: Ints) -> Ints:
         below = run[contour] - ahead - 1
-        for s, other in enumerate(all_actions):
-            last = _last_of_runs(run, climb, other)
-            same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
-            due = np.where((below >= 0) & same, last[np.maximum(below, 0)], -1)
-            early.append(contour[order.preceding(r, s)[prints] <= due])
-    rows = np.unique(np.concatenate(early))
+        last = _last_of_runs(run, climb, other)[np.maximum(below, 0)]
+        same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
+        return np.where((below >= 0) & same, last, -1)
+
+    rows = early(all_actions, order, due)
     lines = [
         f"contour {c} of layer {contours.layer[c]} may begin before all that is more than "
         f"{ahead} layers below it has ended"

@@ -2,7 +2,7 @@
 
 What the source begins an epoch with is found contour by contour, in the order of the file. The
 tolerances for "touching" are looser than the planner's, so that no plan is refused wrongly. Each
-bead of a wipe tower is an epoch of its own, so `sim.rules.epochs` keeps towers in place.
+bead of a wipe tower is an epoch of its own, so `sim.rules.precedence` keeps towers in place.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.arrays import Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.rules.order import PartialOrder
+from sim.rules.order import PartialOrder, early
 
 PRIMING = (Role.SKIRT_BRIM, Role.WIPE_TOWER, Role.CUSTOM)
 SAMPLE_MM = 0.2  # contours are looked at in points this far apart
@@ -27,8 +27,6 @@ APART_MM = 0.3  # between beads, and farther: two things that do not touch
 ROUND_MM = 0.05  # a contour that goes round others is farther out by this
 MOST = 64  # of a tool's first contours are looked at where no role is named
 TOUCHING_MM = 0.04  # beads nearer than this touch
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(slots=True)
@@ -112,7 +110,7 @@ def _uncovered(contours: Contours, first: int, count: int, low: Ints, upper: _Po
     return True
 
 
-def _bounds(contours: Contours, i: int) -> NDArray[np.float64]:
+def _bounds(contours: Contours, i: int) -> Floats:
     xy = contours.polyline(i)[:, :2]
     return np.concatenate([xy.min(axis=0), xy.max(axis=0)])
 
@@ -141,7 +139,7 @@ class _Points:
         return self.known[i]
 
 
-def _sampled(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sampled(xy: Floats) -> Floats:
     """Return points along a polyline, none farther than `SAMPLE_MM` from the next."""
     step = np.diff(xy, axis=0)
     count = np.maximum(1, np.ceil(np.linalg.norm(step, axis=1) / SAMPLE_MM)).astype(np.int64)
@@ -162,19 +160,17 @@ def check_priming(
     `refills` are the epochs that begin with a filament change or a pause; a plan does
     not say, its source does.
     """
-    n = len(contours)
-    head, action = np.full(n, -1), np.full(n, -1)
-    for h, actions in enumerate(all_actions):
-        printing = np.flatnonzero(actions.kind == ActionKind.PRINT)
-        head[actions.contour[printing]], action[actions.contour[printing]] = h, printing
-    early: list[Ints] = []
-    for first, rest in _held(contours, refills):
-        for s in range(len(all_actions)):
-            due = int(action[first[head[first] == s]].max(initial=-1))
-            for r in range(len(all_actions)):
-                mine = rest[head[rest] == r]
-                early.append(mine[order.preceding(r, s)[action[mine]] <= due])
-    return _faults(np.concatenate([np.empty(0, np.int64), *early]))
+    held = list(_held(contours, refills))
+
+    def due(other: HeadActions, contour: Ints) -> Ints:
+        ends, last = np.full(len(contours), -1), np.full(len(contours), -1)
+        printing = np.flatnonzero(other.kind == ActionKind.PRINT)
+        ends[other.contour[printing]] = printing
+        for first, rest in held:
+            last[rest] = np.maximum(last[rest], ends[first].max(initial=-1))
+        return last[contour]
+
+    return _faults(early(all_actions, order, due))
 
 
 def check_file_priming(
@@ -185,8 +181,9 @@ def check_file_priming(
     begins, ends = np.full(len(contours), len(contour)), np.full(len(contours), -1)
     np.minimum.at(begins, contour[rows], rows)
     np.maximum.at(ends, contour[rows], rows)
-    early = [rest[begins[rest] < ends[first].max()] for first, rest in _held(contours, refills)]
-    return _faults(np.concatenate([np.empty(0, np.int64), *early]))
+    held = _held(contours, refills)
+    soon = [rest[begins[rest] < ends[first].max()] for first, rest in held]
+    return _faults(np.unique(np.concatenate([np.empty(0, np.int64), *soon])))
 
 
 def _held(contours: Contours, refills: tuple[int, ...]) -> Iterator[tuple[Ints, Ints]]:
@@ -214,8 +211,7 @@ def _brims(contours: Contours) -> Iterator[tuple[Ints, Ints]]:
             yield np.array([a]), touching
 
 
-def _faults(early: Ints) -> list[Fault]:
-    rows = np.unique(early)
+def _faults(rows: Ints) -> list[Fault]:
     lines = [
         f"contour {c} may begin before what primes the nozzle in the source"
         for c in rows[:LIMIT].tolist()

@@ -17,7 +17,8 @@ from decmcts.print.plan import OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule
 from sim.faults import FaultKind as K
-from sim.verify import verify_motions, verify_plan
+from sim.verify import verify_plan
+from tests.sim.files.motions import verify_motions
 
 pytestmark = [pytest.mark.shared, pytest.mark.slow]
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3] / "shared"))

@@ -95,8 +95,7 @@ def show(verdict: Verdict, names: str, *, as_json: bool, verbose: bool = False) 
             "faults": faults,
             "checked": list(verdict.checked),
         }
-        counts = {key: count for key, count in verdict.counts.items() if key != "seconds"}
-        found |= {"warnings": list(verdict.warnings), "counts": counts}
+        found |= {"warnings": list(verdict.warnings), "counts": verdict.counts}
         found["nearest"] = nearest_facts(verdict)
         print_json("decmcts-verdict/1", {"file": names, **found})
         return

@@ -18,10 +18,10 @@ from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import ACTION_END, ActionKind, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import HeadState, length_of, nearest_on_segment, rest_of_line
+from sim.arrays import Floats
 from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
 from sim.controllers.nearness import Course, Near, nearness
-from sim.controllers.program import Floats
 
 LEAST_WAIT_S = 0.05
 SEEN_MM = 0.5  # that a person may be wrong about where a head stopped

@@ -120,7 +120,7 @@ def _taken_otherwise(
     if (phases := in_phases(job, document)) is not None:
         yield phases
     if (free := without_changes(job, document)) is not None:
-        yield free.job, free.document
+        yield free
 
 
 def _judge_alone(

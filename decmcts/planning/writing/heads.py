@@ -30,7 +30,6 @@ from sim.faults import Verdict
 from sim.heads.file import read_head_file
 from sim.heads.plan import plan_of_files
 from sim.heads.together import (
-    ORDERED,
     Walked,
     judge_together,
     unreadable,
@@ -193,7 +192,7 @@ def judged_texts(
         When they do not; it names the `stem`.
     """
     problem, machine = planned.problem, planned.problem.machine
-    report(Step(ORDERED))
+    report(Step("what the files' sync points order"))
     verdict = judge_together(
         walked, planned.after.plan, *judged, release=machine.release,
         interval_s=machine.signal_interval_s, words=machine.words,

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.arrays import Ints
+
 _TYPES = (np.int8, np.int16, np.int32)
 LEVEL = 9  # of zlib
 
@@ -58,7 +60,7 @@ class Blobs:
         return base64.b64encode(zlib.compress(stream, LEVEL)).decode()
 
 
-def _narrowest(whole: NDArray[np.int64]) -> np.dtype[Any]:
+def _narrowest(whole: Ints) -> np.dtype[Any]:
     low, high = (int(whole.min()), int(whole.max())) if len(whole) else (0, 0)
     for kind in _TYPES:
         if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max:

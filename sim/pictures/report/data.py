@@ -7,7 +7,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
@@ -16,6 +15,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import PlanDocument
 from decmcts.version import __version__
+from sim.arrays import Floats
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.changes import flags_of
 from sim.pictures.report.cuts import cuts_of_page
@@ -24,7 +24,7 @@ from sim.pictures.report.saving import saving_of
 from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
 from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
 
-History = Sequence[Sequence[float]] | NDArray[np.float64]
+History = Sequence[Sequence[float]] | Floats
 MOST_CLUSTERED = 50_000  # contours; of more there are no clusters in the page
 MOST_EDGES = 300_000  # of the graph; with more the page has none
 
@@ -159,17 +159,17 @@ def minimised(document: PlanDocument) -> str:
 
 def _team(after: PlanDocument) -> dict[str, Any] | None:
     """Return what agents did; times and entropies of rows as `rounds_s` and one list a head."""
-    said = after.metrics
-    agents = said.get("agents")
+    metrics = after.metrics
+    agents = metrics.get("agents")
     if not agents:
         return None
-    rows = np.asarray(said.get("decided") or np.zeros((0, 1)), np.float64)
+    rows = np.asarray(metrics.get("decided") or np.zeros((0, 1)), np.float64)
     return {
         "rounds_s": rows[:, 0].tolist(),
         "entropy": rows[:, 1:].T.tolist(),
-        "found_by": said.get("found_by"),
+        "found_by": metrics.get("found_by"),
         "agents": list(agents),
-        **said.get("team", {}),
+        **metrics.get("team", {}),
     }
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
 from decmcts.formats.files.atomic import write_whole
-from decmcts.print.plan import PlanDocument
+from decmcts.print.happened import happened
+from decmcts.print.plan import ActionKind, PlanDocument
+from decmcts.print.print_events import EventKind, EventLog
 from sim.pictures.report.data import History, page_data
-from sim.pictures.report.facts import Told
+from sim.pictures.report.facts import CarriedOut, Told
 
 PAGE = files("sim.pictures.report") / "page"
 LIBRARIES = ("vendor/regl.min.js", "vendor/uPlot.iife.min.js")
@@ -56,6 +59,33 @@ def write_report(
     for name, piece in pieces.items():
         text = text.replace(f"<!--{name}-->", piece, 1)
     write_whole(path, text.encode())
+
+
+def write_run_report(
+    path: Path | str, document: PlanDocument, log: EventLog, *, file: str = "", contacts: int = 0,
+    in_the_end: int | None = None, on_print: Sequence[str] = (),
+) -> None:  # fmt: skip
+    """Write the page of a print that was carried out: what was planned beside what happened.
+
+    Parameters
+    ----------
+    path : file to write
+    document : the plan that was carried out
+    log : what happened
+    file : name of the source
+    contacts : how often heads touched
+    in_the_end : beads that were printed in all, where the rest was planned anew
+    on_print : contacts of heads with the print, in words
+    """
+    after = happened(document, log)
+    printed = sum(int((head.kind == ActionKind.PRINT).sum()) for head in after.plan.heads)
+    failed = [
+        (log.heads[event.head], event.time_s, event.what)
+        for event in log.events
+        if event.kind is EventKind.FAILED
+    ]
+    run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end, on_print)
+    write_report(path, before=document, after=after, told=Told(file=file, run=run))
 
 
 def _piece(name: str) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.team.schedule.metrics import path_lengths
+from sim.arrays import Floats
 from sim.pictures.layer_travels import by_layer, layers_of, most_changed, travels_of
 
 EDGES_MM = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)  # and above
@@ -33,6 +33,6 @@ def saving_of(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:
     return {"unit": "mm", "by_layer": of_layers, "by_length": by_length, "most_changed": most}
 
 
-def travel_lengths(actions: HeadActions) -> NDArray[np.float64]:
+def travel_lengths(actions: HeadActions) -> Floats:
     """Return the length of each action of a head that does not print, mm."""
     return np.asarray(path_lengths(actions)[actions.kind != ActionKind.PRINT])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Flags, Floats, Ints
 from sim.pictures.report.blobs import Blobs
 
 STEP_MM = 0.01  # of places in the page
@@ -30,7 +31,7 @@ class Drawn:
 
     contours: dict[str, Any]
     thinned: dict[str, Any] | None  # how many points of how many are there; None: all
-    rows: NDArray[np.int64]  # (n_points + 1,) how many points before each are there
+    rows: Ints  # (n_points + 1,) how many points before each are there
 
 
 def contours_of(contours: Contours, blobs: Blobs, *, most: int = MOST_POINTS) -> Drawn:
@@ -58,9 +59,7 @@ def contours_of(contours: Contours, blobs: Blobs, *, most: int = MOST_POINTS) ->
     return Drawn(found, thinned, rows)
 
 
-def essential(
-    points: NDArray[np.float64], offsets: NDArray[np.int64], tolerance_mm: float
-) -> NDArray[np.bool_]:
+def essential(points: Floats, offsets: Ints, tolerance_mm: float) -> Flags:
     """Tell which points of polylines must stay, (n,): ends, and every other that is no straight.
 
     A point goes if it stands nearer than the tolerance to the line of its neighbours, and its
@@ -98,14 +97,14 @@ def plan_of(
     return {"label": label, "end_s": document.plan.makespan_s, "heads": heads}
 
 
-def _entries(contours: Contours, actions: HeadActions, drawn: Drawn) -> NDArray[np.int64]:
+def _entries(contours: Contours, actions: HeadActions, drawn: Drawn) -> Ints:
     """Return the vertex each action enters its contour at, as the page numbers vertices."""
     first = contours.offsets[np.maximum(actions.contour, 0)]
     return np.asarray(drawn.rows[first + actions.entry] - drawn.rows[first])
 
 
 def _head(
-    contours: Contours, actions: HeadActions, entry: NDArray[np.int64], flags: NDArray[np.uint8],
+    contours: Contours, actions: HeadActions, entry: Ints, flags: NDArray[np.uint8],
     blobs: Blobs,
 ) -> dict[str, Any]:  # fmt: skip
     owner, kept, known = _kept(contours, actions)
@@ -130,9 +129,7 @@ def _head(
     }  # fmt: skip
 
 
-def _kept(
-    contours: Contours, actions: HeadActions
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
+def _kept(contours: Contours, actions: HeadActions) -> tuple[Ints, Flags, Ints]:
     """Return the action of each point of the paths, which of them are told, and which are known.
 
     Of each action the page knows 1: its first point, 2: its last, 3: both, 0: none.

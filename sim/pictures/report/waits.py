@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
+from sim.arrays import Floats
 
 SHORT_S = 0.05  # a shorter pause is no wait
 COOLING_S = 0.5  # a lag of so much is there for plastic to cool; signals take less
@@ -78,7 +78,7 @@ def _of_head(document: PlanDocument, head: int, rules: DependencyGraph) -> list[
     return found
 
 
-def free_before(actions: HeadActions) -> NDArray[np.float64]:
+def free_before(actions: HeadActions) -> Floats:
     """Return when the action before each one ended, (k,) s; 0 where there is none."""
     return np.append(0.0, actions.end_s)[: len(actions)]
 

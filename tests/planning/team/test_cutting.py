@@ -44,8 +44,8 @@ from sim.content.inventory import move_segments
 from sim.content.welds import welds_of
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
-from sim.pictures.layer_pieces import draw_pieces
 from sim.pictures.layer_travels import travels_of
+from sim.pictures.layer_view import draw_pieces
 from sim.pictures.report.saving import saving_of
 from sim.verify import verify_plan
 from tests.conftest import opened

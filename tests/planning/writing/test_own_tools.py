@@ -326,8 +326,9 @@ def test_another_temperature_behind_a_change_keeps_it_a_wall(tmp_path: Path) -> 
     freed = with_own_tools(*read_gcode(source))
     judged = without_changes(*read_gcode(source))
     assert hot and isinstance(freed, Freed) and judged is not None
+    job, _ = judged
     assert freed.walls == 2  # where it cools down, and where it heats up to less
-    assert freed.job.contours.epoch.tolist() == judged.job.contours.epoch.tolist()
+    assert freed.job.contours.epoch.tolist() == job.contours.epoch.tolist()
     assert freed.job.contours.epoch.max() == 2
 
 
@@ -346,12 +347,13 @@ def test_planner_and_judge_find_the_same(tmp_path: Path, made: str) -> None:
     freed, judged = with_own_tools(job, document), without_changes(job, document)
     assert isinstance(freed, Freed) and judged is not None
     assert freed.count > 1 and freed.walls == (made == "extras")  # which has M104 S205 beside one
-    ours, theirs = freed.job.contours, judged.job.contours
+    job, document = judged
+    ours, theirs = freed.job.contours, job.contours
     assert ours.epoch.tolist() == theirs.epoch.tolist()
-    assert freed.job.refills == judged.job.refills
-    assert np.abs(freed.document.owed - judged.document.owed).max() < 1e-9
-    assert freed.document.own_starts == judged.document.own_starts
-    assert freed.job.practices == judged.job.practices
+    assert freed.job.refills == job.refills
+    assert np.abs(freed.document.owed - document.owed).max() < 1e-9
+    assert freed.document.own_starts == document.own_starts
+    assert freed.job.practices == job.practices
     if made in ("relative", "absolute", "no blanks"):
         kept = [Practice(9.0, 0.0, float(standby)) for standby in STANDBY]
         assert freed.job.practices == tuple(enumerate(kept))

@@ -20,7 +20,7 @@ def test_a_leg_counts_by_the_walls_of_its_two_layers(make, role):
     contours = replace(plan.contours, role=np.full(len(plan.contours), role, np.int8))
     lower = contours.layer < 3
     contours = replace(contours, role=np.where(lower, contours.role, Role.SOLID_INFILL))
-    walls, height = wall_lines(contours)
+    walls, height, _ = wall_lines(contours)
     due = 0.0
     for start, end, before, behind in zip(*_legs(contours, plan.plan.heads[0]), strict=True):
         length = float(np.hypot(*(end - start)))

@@ -12,7 +12,7 @@ import shapely
 from decmcts.print.machine import Body, Head, Machine, Slice
 from sim.controllers.beads import NO_LAYER, TRAVEL, Beads, Material, material_of_files
 from sim.controllers.from_files import first_layer_of
-from sim.controllers.print_heights import bare, lay
+from sim.controllers.print_search import bare, lay
 from sim.controllers.program import StopKind
 from sim.controllers.simulate import simulate
 from sim.controllers.timing import Timing

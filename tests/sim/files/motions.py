@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.faults import Verdict
+from sim.files.moves import check_moves
+
 
 @dataclass(frozen=True)
 class File:
@@ -22,3 +25,8 @@ class File:
     arc: None = None
     arcs: None = None
     tool: None = None
+
+
+def verify_motions(*given, **more) -> Verdict:
+    """Return the verdict on the moves of a file."""
+    return check_moves(*given, **more).verdict()

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.faults import FaultKind as K
-from sim.verify import verify_motions
-from tests.sim.files.motions import File
+from tests.sim.files.motions import File, verify_motions
 
 MANY = 300  # more than the judge lists
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import random
+import re
 
 import pytest
 
+from sim.files.command_book import command_in, commands_of
 from sim.files.commands import _MOVE, _PLAIN
-from sim.files.lines import no_comment_no_move, not_plain
-from sim.files.temperatures import _LINE
+from sim.files.lines import not_plain
 
+MOVE = re.compile(rb"G[0-3](?![\d.])", re.I)
 NAMES = (b"G1", b"G12", b"G2", b"G01", b"g1", b"G1.", b"M104", b"", b";", b"(", b" ")
 NUMBERS = (b"1", b"12", b".5", b"0.50", b"1.", b"00", b"0.0", b"1.2.3", b"", b"-7")
 
@@ -44,11 +46,11 @@ def test_plain_moves_are_passed_over():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_lines_that_may_heat_are_those_of_the_pattern(seed: int):
-    """Asked line by line, the pattern finds what it finds in the whole text."""
+def test_what_is_passed_over_commands_nothing_but_moves(seed: int):
+    """Lines that are looked at one by one are all others."""
     rng = random.Random(seed)
     for _ in range(100):
-        text = b"\n".join(line_of(rng) for _ in range(rng.randrange(5)))
-        due = [(text.count(b"\n", 0, m.start()) + 1, m[0]) for m in _LINE.finditer(text)]
-        found = [(n, _LINE.match(text, begin)) for n, begin in no_comment_no_move(text)]
-        assert [(n, row[0]) for n, row in found if row] == due
+        text = b"\n".join(line_of(rng) for _ in range(rng.randrange(5))).replace(b"\r", b"")
+        each = enumerate(map(command_in, text.split(b"\n")), 1)
+        due = [(k, code) for k, code in each if code and not MOVE.match(code)]
+        assert [(k, code) for k, code in commands_of(text) if not MOVE.match(code)] == due

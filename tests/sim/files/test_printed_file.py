@@ -9,8 +9,7 @@ import pytest
 
 from decmcts.print.job import PrintJob
 from sim.faults import FaultKind as K
-from sim.verify import verify_motions
-from tests.sim.files.motions import File
+from tests.sim.files.motions import File, verify_motions
 
 
 def file_of(paths, *, lift=1.0, home=False) -> File:

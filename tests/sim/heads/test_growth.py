@@ -11,7 +11,6 @@ import pytest
 from decmcts.formats.gcode import read_gcode, write_head_gcode
 from decmcts.print.plan import JointPlan
 from sim.heads.file import read_head_file
-from sim.heads.order import Rests
 from sim.heads.together import verify_heads
 from tests.sim.heads.test_together import END, PARKS, START, actions_of
 from tests.work import bytecodes, grows_linearly
@@ -81,7 +80,7 @@ def test_the_last_of_many_dwells_and_waits_still_counts(tmp_path: Path, spoil: s
 def test_dwells_between_lines_are_those_strictly_between(tmp_path: Path) -> None:
     """A dwell at the line of a wait or of a move is not between them."""
     paths, *_ = files_of(4, tmp_path)
-    rests = Rests.of(read_head_file(paths[0]))
+    rests = read_head_file(paths[0]).rests
     first, second = rests.dwells[:2]
     assert len(rests.dwells) == 3
     assert rests.between_s(first - 1, second + 1) == 0.5

@@ -8,21 +8,19 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from matplotlib.collections import EllipseCollection, LineCollection
-from matplotlib.colors import to_hex, to_rgb
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from decmcts.errors import InputError
 from decmcts.print.plan import ActionKind, JointPlan
 from sim.pictures import drawings as pictures
-from sim.pictures.activity import EXACT, activity
 from sim.pictures.canvas import TRAVEL
-from sim.pictures.charts import title_lines
-from sim.pictures.drawings import draw_gantt, draw_plan
+from sim.pictures.charts import EXACT, activity, title_lines
+from sim.pictures.drawings import draw_plan
 from sim.pictures.layer_travels import layers_of, travels_of
-from sim.pictures.layer_view import LayerView, changed_colour, draw_layer
+from sim.pictures.layer_view import LayerView, changed_colour, draw_layer, round_beads_of
 from sim.pictures.machine_picture import draw_machine
-from sim.pictures.round_beads import round_beads_of
 from sim.pictures.sheet import sheet_of
 
 RED = np.array([214, 39, 40]) / 255
@@ -137,14 +135,6 @@ def test_nothing_on_a_sheet_overlaps_or_stands_outside(heads, size):
     view = sheet.extent[1] - sheet.extent[0]
     ratio = view[1] / view[0] * sheet.views[0][2] * sheet.size[0]
     assert ratio == pytest.approx(sheet.views[0][3] * sheet.size[1])  # one scale across and up
-
-
-@pytest.mark.slow
-def test_gantt(make, tmp_path):
-    """The chart of a two-head plan."""
-    draw_gantt(tmp_path / "g.png", make.two_head_plan())
-    for head in (0, 1):
-        assert has_colour(tmp_path / "g.png", np.array(to_rgb(pictures.head_colour(head, 2))))
 
 
 @pytest.mark.slow

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.replay.collision import Solid, box_vertices, prism_vertices, swept_vertices
+from sim.replay.collision import Solid, prism_vertices, swept_vertices
+
+
+def box_vertices(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the eight corners of an axis-aligned box."""
+    x, y, z = zip(low, high, strict=True)
+    return np.array([[a, b, c] for a in x for b in y for c in z], np.float64)
+
 
 CUBE = box_vertices(np.full(3, -20.0), np.full(3, 20.0))
 

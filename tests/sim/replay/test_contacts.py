@@ -11,9 +11,9 @@ from decmcts.formats.gcode import read_result
 from decmcts.formats.machines.machine_file import load_machine
 from sim.faults import FaultKind
 from sim.replay.contacts import source_meetings
-from sim.verify import verify_motions
 from tests.makers.scarf import scarf_gcode
 from tests.mutants.contacts import CONTACT_MUTANTS
+from tests.sim.files.motions import verify_motions
 
 KINDS = {
     "the ramp before the wall it touches": FaultKind.PRECEDENCE,

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
-from sim.replay.nominal import check_times
-from sim.replay.signals import check_signals
+from sim.replay.nominal import check_signals, check_times
 from tests.sim.conftest import two_head_machine
 
 REST_S = 0.45

@@ -15,7 +15,7 @@ from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from sim.rules.priming import starts_of
-from sim.verify import verify_motions, verify_plan
+from sim.verify import verify_plan
 from tests.direct_actions import direct_actions
 from tests.sim.conftest import (
     LAYER,
@@ -25,6 +25,7 @@ from tests.sim.conftest import (
     square,
     two_head_machine,
 )
+from tests.sim.files.motions import verify_motions
 
 S, P, U = int(Role.SKIRT_BRIM), int(Role.PERIMETER), int(Role.UNKNOWN)
 
