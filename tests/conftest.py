@@ -1,4 +1,6 @@
-"""The system's own browsers, started once for all tests of a process.
+"""What tests of many rooms share: agents in this process, and the system's own browsers.
+
+Browsers are started once for all tests of a process.
 
 Firefox draws in software at twice Chromium's cost: in it the README's command uses every
 control, and CI does all the rest (`long`).
@@ -6,16 +8,19 @@ control, and CI does all the rest (`long`).
 
 from __future__ import annotations
 
+import importlib
 import os
 import shutil
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, Playwright, sync_playwright  # noqa: TID251
+
+from tests.makers.agents import Agents
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FIREFOX = ("firefox-esr", "firefox")
@@ -32,6 +37,19 @@ def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
         in_firefox = chosen is not None and chosen.params.get("browser") == "firefox"
         if in_firefox and item.originalname != IN_EVERY_BROWSER:
             item.add_marker(pytest.mark.long)
+
+
+@pytest.fixture
+def agents() -> Agents:
+    return Agents()
+
+
+@pytest.fixture
+def agents_here(agents: Agents, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `launch` plan in this process, and start no other."""
+    launch = importlib.import_module("decmcts.planning.launch")
+    monkeypatch.setattr(launch, "launch_agents", agents)
+    monkeypatch.setattr(launch, "crew_started", lambda heads: nullcontext())
 
 
 @pytest.fixture(scope="session")

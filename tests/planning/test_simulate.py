@@ -25,10 +25,10 @@ from sim.controllers.events import events_of
 from sim.controllers.timing import Timing
 from sim.faults import FaultKind
 from sim.verify import verify_plan
+from tests.makers.agents import Agents
 from tests.mutants.actions import travel_at, upper_layer_first
 from tests.mutants.catalogue import NotHereError
 from tests.mutants.waits import one_wait_dropped, waits_dropped
-from tests.planning.conftest import Agents
 from tests.prints import slab
 
 

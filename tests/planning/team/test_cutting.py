@@ -46,7 +46,7 @@ from sim.heads.file import read_head_file
 from sim.pictures.layer_pieces import draw_pieces
 from sim.verify import verify_plan
 from tests.conftest import opened
-from tests.planning.conftest import Agents
+from tests.makers.agents import Agents
 from tests.prints import slab
 from tests.sim.pictures.report.unpacking import page_of
 
