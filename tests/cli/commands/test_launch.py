@@ -106,7 +106,7 @@ def test_heads_are_as_free_as_was_asked(
         "--plan",
         str(plan),
     ]
-    assert run(["launch", str(source), *options]) == 0
+    assert run(["launch", str(source), "--freedom", freedom, *options]) == 0
     document = read_plan(plan)
     assert document.metrics["planner"] == "dec-mcts"
     assert document.rules is not None and document.rules.freedom == freedom
