@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +18,7 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Slice
+from tests.makers.corpus import CORPUS
 
 
 def as_matrix(graph: DependencyGraph) -> NDArray[np.bool_]:
@@ -232,11 +231,6 @@ def test_empty_and_single(oracle: Any) -> None:
     assert build_graph(oracle.make_contours([]), [oracle.heads["box"]], clearance_mm=0.0).n == 0
     one = oracle.make_contours([[(0, 0, 0.2), (0, 0, 0.2)]])
     assert build_graph(one, [oracle.heads["box"]], clearance_mm=0.0).n_edges == 0
-
-
-CORPUS = Path(
-    os.environ.get("DECMCTS_CORPUS", Path(__file__).resolve().parents[2].parent / "shared")
-)
 
 
 @pytest.mark.shared

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,9 +19,8 @@ from decmcts.search.bounds.relaxation import WIDTH, Relaxation
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import Freedom, OrderProblem
 from decmcts.search.sequence.stopping import Stopping
+from tests.makers.corpus import CORPUS
 from tests.search.problems import choices, price, random_problem, with_bare, with_loops, with_pace
-
-CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3].parent / "shared"))
 
 
 def optimum(problem: OrderProblem) -> float:
