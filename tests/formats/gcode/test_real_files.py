@@ -24,7 +24,7 @@ def corpus(folder: str, pattern: str) -> list[Path]:
     return found or [CORPUS / folder / "absent"]
 
 
-pytestmark = [pytest.mark.shared, pytest.mark.slow, pytest.mark.usefixtures("needs_corpus")]
+pytestmark = [pytest.mark.shared, pytest.mark.long, pytest.mark.usefixtures("needs_corpus")]
 
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.gcode.gz"), ids=lambda p: p.name)
