@@ -8,19 +8,18 @@ control, and CI does all the rest (`long`).
 
 from __future__ import annotations
 
-import importlib
 import os
 import shutil
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, Playwright, sync_playwright  # noqa: TID251
 
-from tests.makers.agents import Agents
+from tests.makers.agents import Agents, planned_here
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FIREFOX = ("firefox-esr", "firefox")
@@ -45,11 +44,10 @@ def agents() -> Agents:
 
 
 @pytest.fixture
-def agents_here(agents: Agents, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let `launch` plan in this process, and start no other."""
-    launch = importlib.import_module("decmcts.planning.launch")
-    monkeypatch.setattr(launch, "launch_agents", agents)
-    monkeypatch.setattr(launch, "crew_started", lambda heads: nullcontext())
+def agents_here(agents: Agents) -> Iterator[None]:
+    """Let `launch` plan in this process."""
+    with planned_here(agents):
+        yield
 
 
 @pytest.fixture(scope="session")

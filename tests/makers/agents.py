@@ -5,7 +5,12 @@ Two agents take seconds to start: few tests need more of them than that they agr
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any
+
+import pytest
 
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
@@ -41,3 +46,13 @@ class Agents:
         found = resolve(problem, best.plans, live)
         agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
         return LaunchResult(agreement, found.toolpaths, problem.digest)
+
+
+@contextmanager
+def planned_here(agents: Agents) -> Iterator[None]:
+    """Let `launch` plan with these, and start no process for a head."""
+    launch = importlib.import_module("decmcts.planning.launch")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(launch, "launch_agents", agents)
+        patch.setattr(launch, "crew_started", lambda heads: nullcontext())
+        yield
