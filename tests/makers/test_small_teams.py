@@ -9,8 +9,8 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
+from decmcts.team.engine.carry_out_kernels import OK, carry_out
 
-from decmcts._kernels.engine.carry_out import OK, carry_out
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.order import sequences_of

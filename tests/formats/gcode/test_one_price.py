@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import njit
-
-from decmcts._kernels.geometry.walls import SAME_Z_MM
-from decmcts._kernels.sequence.metric import (
+from decmcts.print.walls_kernels import SAME_Z_MM
+from decmcts.search.sequence.metric_kernels import (
     Metric,
     TimedBare,
     costs_the_same_back,
@@ -20,6 +18,8 @@ from decmcts._kernels.sequence.metric import (
     price,
     with_points,
 )
+from numba import njit
+
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.controller.duration import text_time

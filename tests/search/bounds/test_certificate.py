@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from decmcts.search.bounds.pricing_kernels import price_travels
 
-from decmcts._kernels.exact.pricing import price_travels
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode

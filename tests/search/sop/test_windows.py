@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from decmcts.random_kernels import seeded
 
-from decmcts._kernels.random import seeded
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from decmcts.search.bounds.chains_kernels import COVERED, FAR, UNRELATED, ancestry
 
-from decmcts._kernels.exact.chains import COVERED, FAR, UNRELATED, ancestry
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
