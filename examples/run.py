@@ -4,7 +4,7 @@
     python3 examples/run.py demo     # leaves G-code, plan and pictures in ./out
     python3 examples/run.py tests    # lint, types, import rules, tests
 
-`tests` is `checks` and then `suite`.
+`tests` is `checks` and then `suite`; `long` runs the tests that `suite` leaves out.
 
 Needs Python >= 3.11 with venv and a network for the first run; uses the standard
 library only, because nothing else is installed yet.
@@ -64,20 +64,30 @@ def checks() -> None:
         sys.exit(warm.returncode)
 
 
+def pytest(marked: str) -> None:
+    """Run the tests marked so, on two cores; what tests of a file share is made once."""
+    run(BIN / "python", "-m", "pytest", "-m", marked, "-n", "2", "--dist", "worksteal")
+
+
 def suite() -> None:
-    """Run the tests, once `checks` has run; what tests of a file share is made once."""
-    run(BIN / "python", "-m", "pytest", "-m", "not slicers and not long", "-n", "2",
-        "--dist", "worksteal")  # fmt: skip
+    """Run the tests, once `checks` has run."""
+    pytest("not slicers and not long")
+
+
+def long() -> None:
+    """Run the tests of rare things that take long."""
+    pytest("long and not slicers")
 
 
 def tests() -> None:
-    """Run everything CI runs."""
+    """Check what is written and run the tests."""
     checks()
     suite()
 
 
 if __name__ == "__main__":
-    commands = {"demo": demo, "tests": tests, "checks": checks, "suite": suite}
+    commands = {"demo": demo, "tests": tests, "checks": checks, "suite": suite,
+                "long": long}  # fmt: skip
     if len(sys.argv) != 2 or sys.argv[1] not in commands:
         sys.exit(f"usage: python3 examples/run.py {'|'.join(commands)}")
     commands[sys.argv[1]]()

@@ -1,4 +1,10 @@
-"""The system's own browsers, started once for all tests of a process."""
+"""What tests of many rooms share: agents in this process, and the system's own browsers.
+
+Browsers are started once for all tests of a process.
+
+Firefox draws in software at twice Chromium's cost: in it the README's command uses every
+control, and CI does all the rest (`long`).
+"""
 
 from __future__ import annotations
 
@@ -13,10 +19,35 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, Playwright, sync_playwright  # noqa: TID251
 
+from tests.makers.agents import Agents, planned_here
+
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FIREFOX = ("firefox-esr", "firefox")
 SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
             "--enable-unsafe-swiftshader")  # fmt: skip
+IN_EVERY_BROWSER = "test_every_control_does_something"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
+    """Mark what is done in Firefox after Chromium did it."""
+    for item in items:
+        chosen = getattr(item, "callspec", None)
+        in_firefox = chosen is not None and chosen.params.get("browser") == "firefox"
+        if in_firefox and item.originalname != IN_EVERY_BROWSER:
+            item.add_marker(pytest.mark.long)
+
+
+@pytest.fixture
+def agents() -> Agents:
+    return Agents()
+
+
+@pytest.fixture
+def agents_here(agents: Agents) -> Iterator[None]:
+    """Let `launch` plan in this process."""
+    with planned_here(agents):
+        yield
 
 
 @pytest.fixture(scope="session")

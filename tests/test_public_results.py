@@ -13,6 +13,8 @@ import pytest
 import decmcts
 from decmcts.formats.bare.qcsp import QcspSchedule
 from decmcts.team.qcsp.solver import QcspResult
+from tests.makers.agents import Agents, planned_here
+from tests.prints import four_parts
 
 MOST = 800  # characters, eight lines
 
@@ -28,9 +30,10 @@ def result(source) -> decmcts.Result:
 
 
 @pytest.fixture(scope="module")
-def team() -> decmcts.Result:
-    source = decmcts.read(decmcts.sample_path("plate.gcode.gz"), "dual-gantry")
-    return decmcts.launch(source, decmcts.TeamSearch(time_limit_s=0.5))
+def team(tmp_path_factory: pytest.TempPathFactory) -> decmcts.Result:
+    source = decmcts.read(four_parts(tmp_path_factory.mktemp("team")), "dual-gantry")
+    with planned_here(Agents()):
+        return decmcts.launch(source, decmcts.TeamSearch(time_limit_s=0.5))
 
 
 def found_in(thing: object, seen: dict[type, object]) -> Iterator[object]:

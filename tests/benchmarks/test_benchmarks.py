@@ -1,7 +1,8 @@
 """The benchmarks run, resume and write what they promise, on a print that ships with us.
 
 Their long runs are made by hand; here each makes its smallest run, in this process: what it
-imports, and the kernels it loads, are there for the next one.
+imports, and the kernels it loads, are there for the next one. Most are marked `long`: they
+serve whoever measures, not whoever prints.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ SMALLEST = {  # script: (options, rows, files)
 }
 
 
-LONG = ("quality", "scale", "convergence", "ablation")
+QUICK = ("planners",)
 RESUMED = ("planners", "certificates")  # all go on by the same code
 
 
@@ -87,7 +88,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "script",
-    [pytest.param(name, marks=[pytest.mark.long] if name in LONG else []) for name in SMALLEST],
+    [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in SMALLEST],
 )
 def test_runs_once_and_resumes(run, script, tmp_path):
     """A long table is made in several sittings; what is there must not be run again."""
@@ -104,7 +105,7 @@ def test_runs_once_and_resumes(run, script, tmp_path):
         assert (tmp_path / f"{script}.csv").read_text() == written
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium: apt-get install it")
 def test_a_report_is_measured_in_a_browser(tmp_path):
     """Size, and seconds until it is there, of one that ships with us.
@@ -122,7 +123,7 @@ def test_a_report_is_measured_in_a_browser(tmp_path):
     assert "four_nuts" in (tmp_path / "report.md").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_part_is_shared_by_several_heads(run, tmp_path):
     """The part is made by the benchmark itself; two heads are nearly twice as fast."""
     run("shared_by_many", ["--heads", "2", "--cuts", "all", "--time-limit", "0.5"], tmp_path)
@@ -141,7 +142,7 @@ def test_faulty_cut_plans_are_refused(run, tmp_path):
     assert "4 refused, 1 valid" in page
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_parts_of_the_search_for_bare_sequences_are_left_out(run, tmp_path):
     """A twin tells the noise; done once, not run again."""
     options = ["--kinds", "sparse", "--variants", "all,twin,no-elites", "--seeds", "0"]
@@ -155,7 +156,7 @@ def test_parts_of_the_search_for_bare_sequences_are_left_out(run, tmp_path):
     assert (tmp_path / "sop_ablation.csv").read_text() == written
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_teams_are_compared_once(run, tmp_path):
     """Ours and a baseline on a few contours; done once, not run again."""
     options = ["--models", "plate:60", "--heads", "2", "--time-limit", "0.5"]
@@ -170,7 +171,7 @@ def test_teams_are_compared_once(run, tmp_path):
     assert (tmp_path / "teams.csv").read_text() == written
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_a_part_left_out_is_compared_with_the_whole_search(run, tmp_path):
     """On a few contours, half a second each."""
@@ -184,7 +185,7 @@ def test_a_part_left_out_is_compared_with_the_whole_search(run, tmp_path):
     assert "| all | 1 |" in page and "## Entropy" in page
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("here")
 def test_growth_is_measured_and_fitted(run, tmp_path):
     """Two sizes of the example, costs and a short search; done once, not run again."""
@@ -202,7 +203,7 @@ def test_growth_is_measured_and_fitted(run, tmp_path):
     assert (tmp_path / "team_growth.csv").read_text() == written
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_random_teams_are_judged_and_counted(run, tmp_path):
     """Every preset and one machine made at random, a plan each; done once, not run again."""
     options = ["--machines", "1", "--plans", "1", "--presets", "1"]
@@ -306,7 +307,7 @@ def test_a_model_of_several_seeds_counts_once(run, tmp_path):
     assert "| mk4s seam | keep | 3 | 20.0 (15.0 to 35.0) | 20.0 (15.0 to 30.0) |" in text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_failure_and_a_lossy_run_are_carried_out(run, tmp_path):
     """Real processes on a print made by the benchmark; all is printed once, and nothing touches."""
     options = ["--prints", "towers:2", "--failures", "1", "--lossy", "1", "--time-limit", "0.5"]

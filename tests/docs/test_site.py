@@ -62,7 +62,7 @@ def test_what_is_read_first_is_short(page, most):
     assert len((ROOT / page).read_text(encoding="utf-8").split()) <= most
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_site_is_built_without_warnings(tmp_path):
     """Broken links, headings, tables and docstrings show here, not to a reader."""
     options = ["-W", "--keep-going", "-q", "-c", "docs/site", "-d", str(tmp_path / "doctrees")]

@@ -78,12 +78,12 @@ def test_rows_are_kept_and_not_made_again(own: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_rows_are_equal_whoever_computes_them(own: Path, tmp_path: Path) -> None:
-    """By one thread, by processes and by a Dask cluster of two workers, at equal iterations."""
+    """By one thread, by a process and by a Dask cluster of two workers, at equal iterations."""
     from distributed import LocalCluster
 
     with ThreadPoolExecutor(1) as serial:
         rows = rows_by(serial, own, tmp_path / "serial")
-    processes = experiment("two-heads", tmp_path / "p", prints=own, iterations=1, seeds=2, jobs=2)
+    processes = experiment("two-heads", tmp_path / "p", prints=own, iterations=1, seeds=2, jobs=1)
     assert [{k: v for k, v in row.items() if k not in MEASURED} for row in processes.rows] == rows
     with LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"

@@ -126,34 +126,34 @@ def anchors(first: int, second: int) -> bool:
     return first in (1, 2, 3) and second in (1, 2, 3, 4, 5, 6, 7, 8)
 
 
-def must_precede(
-    contours: Contours, a: int, b: int, heads: list[Head], clearance_mm: float, *,
-    keep: bool, quality: bool,
-) -> bool:  # fmt: skip
+def blocked(contours: Contours, heads: list[Head], clearance_mm: float) -> NDArray[np.bool_]:
+    """Return the (n, n) matrix [b, a]: b's bead blocks a head on a; the source prints a first."""
+    found = np.zeros((len(contours), len(contours)), np.bool_)
+    for b in range(len(contours)):
+        for a in range(b):
+            found[b, a] = any(blocks(contours, b, a, head, clearance_mm) for head in heads)
+    return found
+
+
+def must_precede(contours: Contours, a: int, b: int, *, keep: bool, quality: bool) -> bool:
+    """Say whether a comes first for reasons other than space."""
     if contours.epoch[a] < contours.epoch[b]:
         return True
     same_layer = contours.layer[a] == contours.layer[b]
     roles = int(contours.role[a]), int(contours.role[b])
     held = (keep and roles[0] != roles[1]) or (quality and anchors(*roles))
-    if held and same_layer and touch(contours, a, b):
-        return True
-    return any(blocks(contours, b, a, head, clearance_mm) for head in heads)
+    return held and same_layer and touch(contours, a, b)
 
 
 def slow_closure(
-    contours: Contours,
-    heads: list[Head],
-    *,
-    clearance_mm: float,
-    keep: bool,
-    quality: bool = False,
+    contours: Contours, blocked: NDArray[np.bool_], *, keep: bool, quality: bool = False
 ) -> NDArray[np.bool_]:
     """Return the (n, n) matrix [b, a]: a must be printed before b, transitively."""
     n = len(contours)
     closure = np.zeros((n, n), np.bool_)
     for b in range(n):
         for a in range(b):
-            if must_precede(contours, a, b, heads, clearance_mm, keep=keep, quality=quality):
+            if blocked[b, a] or must_precede(contours, a, b, keep=keep, quality=quality):
                 closure[b, a] = True
                 closure[b] |= closure[a]
     return closure
@@ -167,6 +167,7 @@ class Oracle:
     random_print: Callable[..., Contours]
     head_of: Callable[..., Head]
     box: Callable[..., NDArray[np.float64]]
+    blocked: Callable[..., NDArray[np.bool_]]
     slow_closure: Callable[..., NDArray[np.bool_]]
     hits: Callable[..., bool]
     blocks: Callable[..., bool]
@@ -177,5 +178,14 @@ class Oracle:
 @pytest.fixture(scope="session")
 def oracle() -> Oracle:
     return Oracle(
-        make_contours, random_print, head_of, box, slow_closure, hits, blocks, segments, HEADS
+        make_contours,
+        random_print,
+        head_of,
+        box,
+        blocked,
+        slow_closure,
+        hits,
+        blocks,
+        segments,
+        HEADS,
     )

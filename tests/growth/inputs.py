@@ -164,6 +164,6 @@ FILES: dict[tuple[str, str], Make] = {
     ("header", "a.sop"): many("", "COMMENT: {k}\n"),
     ("jobs", "a.qcsp"): many('{"p": [', "1, ", "1]}"),
 }  # fmt: skip
-BEYOND = {"fans": 100, "parameters": 100, "notes of one layer": 100, "tools": 70}
+BEYOND = {"fans": 400, "parameters": 400, "notes of one layer": 400, "tools": 280}
 # how many there are of these in the smallest file, so that the larger ones are refused
 FILES |= {(name, "a.gcode"): gcode(piece) for name, piece in GCODE.items()}

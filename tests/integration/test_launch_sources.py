@@ -30,6 +30,7 @@ def launched(source: Path, machine: str, *plate: str) -> list[str]:
     return [Path(name).read_text() for name in names]
 
 
+@pytest.mark.usefixtures("agents_here")
 def test_a_plate_of_a_packed_file(tmp_path):
     """What Bambu's slicer writes: the plate that was asked for, as files of plain G-code."""
     source = tmp_path / "in.gcode.3mf"
@@ -51,6 +52,7 @@ def test_arcs_and_signals_in_motion(tmp_path):
     assert any("SYNC_PASSED" in text for text in texts)
 
 
+@pytest.mark.usefixtures("agents_here")
 def test_scarf_seams(tmp_path):
     """Contacts of the source keep their order and direction, whichever head prints them."""
     source = tmp_path / "in.gcode"

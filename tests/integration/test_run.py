@@ -114,7 +114,12 @@ FAULTS: dict[str, Callable[[Trial, int, int], None]] = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+LONG = ("agent hangs", "bus lost")  # noticed as a killed agent is, but later
+
+
+@pytest.mark.parametrize(
+    "fault", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in FAULTS]
+)
 def test_the_rest_is_printed_by_the_others(made: Made, fault: str) -> None:
     """The controller lives: it says that it is off and goes to its park, and all is finished."""
     at_s = 25.0 if fault == "bus lost" else FAILS_S  # that takes 3 s of the world to notice
@@ -140,7 +145,9 @@ def nobody_enters(result: RunResult) -> None:
     assert failure.fenced_s >= failure.noticed_s
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.long)]
+)
 def test_a_person_fences_a_lost_controller(made: Made, number: int) -> None:
     """Nobody knows where its head is until somebody looks; what its bead lacks is said."""
 

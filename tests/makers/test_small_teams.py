@@ -1,4 +1,7 @@
-"""Brute force over joint orders finds what trying each of them with the engine finds."""
+"""Brute force over joint orders finds what trying each of them with the engine finds.
+
+It is a table's yardstick (docs/results), compiled anew in every process: half a minute.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
 from tests.makers.small_teams import least_makespan, small_problem
 
+pytestmark = pytest.mark.long
 PRINTS = [(5, 2, 2, 1), (49, 2, 2, 1), (49, 2, 1, 2), (9, 3, 2, 1), (33, 3, 1, 2)]
 
 
@@ -41,7 +45,6 @@ def every_order(problem: TeamProblem) -> float:
     return least
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("print_", PRINTS)
 def test_nothing_better_is_left_out(print_: tuple[int, int, int, int]) -> None:
     """Neither the bound nor the states that are tried once may cost the optimum."""
@@ -56,7 +59,6 @@ def test_nothing_better_is_left_out(print_: tuple[int, int, int, int]) -> None:
     assert again == pytest.approx(found.makespan_s, rel=1e-9)
 
 
-@pytest.mark.slow
 def test_what_is_to_be_beaten_stays_where_nothing_beats_it() -> None:
     """So is planning shown to have reached the least."""
     problem = small_problem(5, 2, 2, 1)
@@ -66,7 +68,6 @@ def test_what_is_to_be_beaten_stays_where_nothing_beats_it() -> None:
     assert again.makespan_s == least and again.stated is None and again.complete
 
 
-@pytest.mark.slow
 def test_brute_force_that_is_given_up_says_so() -> None:
     """A table may not call what was not finished proven."""
     problem = small_problem(5, 2, 2, 1)
@@ -74,7 +75,6 @@ def test_brute_force_that_is_given_up_says_so() -> None:
     assert not least_makespan(problem, most=3).complete
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_planning_leaves_a_place_where_long_runs_of_annealing_end(seed: int) -> None:
     """From half a mean contour's time they stayed 10 % above the least, whatever the time."""

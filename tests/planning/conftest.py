@@ -1,47 +1,10 @@
-"""Heads that plan in this process, for what is done around them."""
+"""Heads plan in this process: what is tested here is done around them."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
-from agents.launch import LaunchResult
-from agents.launching.spawn import Agreement
-from decmcts.feasibility.graph import DependencyGraph
-from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
-from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.rounds import plan_in_turn
-from decmcts.team.engine.problem import build_team_problem
-from decmcts.team.engine.resolve import resolve
 
-
-class Agents:
-    """Agents that agree in this process and at once; keeps jobs and machines given to them."""
-
-    def __init__(self) -> None:
-        self.given: list[tuple[PrintJob, Machine]] = []
-
-    def __call__(
-        self,
-        job: PrintJob,
-        machine: Machine,
-        graph: DependencyGraph,
-        *,
-        lags: Any,
-        start: Any = None,
-        **_: Any,
-    ) -> LaunchResult:
-        self.given.append((job, machine))
-        problem = build_team_problem(job, machine, graph, lags, start)
-        live = tuple(range(len(machine.heads)))
-        best = plan_in_turn(problem, stopping=Stopping(iterations=1), seed=0)
-        found = resolve(problem, best.plans, live)
-        agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
-        return LaunchResult(agreement, found.toolpaths, problem.digest)
-
-
-@pytest.fixture
-def agents() -> Agents:
-    return Agents()
+@pytest.fixture(autouse=True)
+def planned_here(agents_here: None) -> None:
+    """Start no agents; tests/integration does."""

@@ -16,7 +16,7 @@ from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.verify import verify
 from tests.planning.problem.test_first_check import LAYERS
-from tests.planning.team.test_pipeline import print_of_parts
+from tests.prints import four_parts
 
 SEARCH = Search(1.0, planner=PlannerName.GREEDY)
 
@@ -86,7 +86,7 @@ def test_a_bound_that_was_proven_is_kept(result: Result) -> None:
 def test_a_kept_source_has_no_bound_where_its_entries_are_not_allowed(tmp_path: Path) -> None:
     """It was an error of the program."""
     rear = Rules(freedom=Freedom.SEAM, seam=Seam.REAR)
-    found = plan(read(print_of_parts(tmp_path), "paper"), SEARCH, rear)
+    found = plan(read(four_parts(tmp_path), "paper"), SEARCH, rear)
     assert bound(found).bound is not None
     kept = replace(found, planned=replace(found.planned, after=found.planned.before))
     with pytest.raises(InputError, match="the seam policy does not"):

@@ -25,10 +25,10 @@ from sim.controllers.events import events_of
 from sim.controllers.timing import Timing
 from sim.faults import FaultKind
 from sim.verify import verify_plan
+from tests.makers.agents import Agents
 from tests.mutants.actions import travel_at, upper_layer_first
 from tests.mutants.catalogue import NotHereError
 from tests.mutants.waits import one_wait_dropped, waits_dropped
-from tests.planning.conftest import Agents
 from tests.prints import slab
 
 
@@ -68,7 +68,7 @@ def test_all_filament_is_pushed(made):
 def test_no_error_of_time_makes_heads_touch(made, timing):
     """J1 to J5: the order is safe for every timing."""
     plan, files, _ = made
-    found = simulate([plan, *files], timing=timing, size=0.5, trials=20).simulation
+    found = simulate([plan, *files], timing=timing, size=0.5, trials=6).simulation
     assert found.safe
     assert min(trial.near[0].rail_mm for trial in found.trials) > -1e-3
 
@@ -114,14 +114,14 @@ def test_what_errors_of_time_leave_no_time_to_cool_is_counted(made, tmp_path):
 def test_a_plan_without_its_waits_is_seen_to_collide(made, tmp_path, spoil):
     """The simulator can see what it is there to see."""
     seen = 0
-    for seed in range(5):
+    for seed in range(3):
         plan = json.loads(made[0].read_text())
         spoil(plan, np.random.default_rng(seed))
         spoilt = tmp_path / "spoilt.json"
         spoilt.write_text(json.dumps(plan))
         found = simulate([spoilt], timing=Timing.ADVERSARIAL).simulation
         seen += not found.safe
-    assert seen == 5 if spoil is waits_dropped else seen >= 1
+    assert seen == 3 if spoil is waits_dropped else seen >= 1
 
 
 def goes_into_the_print(made, folder: Path, spoil) -> list[Path]:

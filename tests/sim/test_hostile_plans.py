@@ -25,6 +25,7 @@ from sim.verify import verify_plan
 
 ROOM = 2**30
 CPU_S = 240  # of all mutants together
+COUNT = 60
 ODD = (
     None, True, -1, 0, 1, 1e-300, -0.5, 2**31, 2**63, 10**4000, 1e308, 9999.0, -9999.0, 1e5, 1e7,
     "", "x" * 10**5, "\ud800", [], [[]], {}, {"a": 1}, [1, "a"], [None], [[[[[[]]]]]], [0] * 10**5,
@@ -81,13 +82,13 @@ def test_spoilt_plans_are_faulted_or_refused(make, tmp_path, heads):
     document = make.tower_plan() if heads == 1 else make.two_head_plan()
     write_plan(replace(document, problem=digest_of(document)), good)
     done = subprocess.run(
-        [sys.executable, __file__, str(good), str(heads), "150"],
+        [sys.executable, __file__, str(good), str(heads), str(COUNT)],
         capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     codes = [int(line.split()[1]) for line in done.stdout.splitlines() if line[:5] == "code "]
-    assert (done.returncode, len(codes)) == (0, 150), done.stderr[-2000:]
+    assert (done.returncode, len(codes)) == (0, COUNT), done.stderr[-2000:]
     assert set(codes) <= {0, 1, 2}, done.stderr[-2000:]
-    assert codes.count(2) > 60
+    assert codes.count(2) > 0.4 * COUNT
     assert done.stderr.count("decmcts: ") == codes.count(2)
 
 

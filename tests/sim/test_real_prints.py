@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,10 +17,10 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule
 from sim.faults import FaultKind as K
 from sim.verify import verify_plan
+from tests.makers.corpus import CORPUS
 from tests.sim.files.motions import verify_motions
 
 pytestmark = [pytest.mark.shared, pytest.mark.slow]
-CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3] / "shared"))
 
 
 @pytest.fixture(params=["pillars_5x5", "pillars_4x4_tall", "benchy_lowpoly"])

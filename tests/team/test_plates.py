@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,11 +19,10 @@ from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
+from tests.makers.corpus import CORPUS
 
 ROOT = Path(__file__).resolve().parents[2]
-PLATES = (
-    Path(os.environ.get("DECMCTS_CORPUS", ROOT.parent / "shared")) / "models" / "plates" / "gcode"
-)
+PLATES = CORPUS / "models" / "plates" / "gcode"
 SPEED_MM_S = 50.0
 FAST = (1e9,) * 4
 AT_ONCE = MotionLimits(max_acceleration=FAST, acceleration=1e9, travel_acceleration=1e9)

@@ -10,13 +10,20 @@ from decmcts.cli.commands.replay import read_record
 from decmcts.cli.run import run
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.samples import sample_path
+from sim.experiments.made_print import made_gcode
 from sim.verify import verify_plan
+from tests.prints import four_parts
+
+TEAM = ["--machine", "dual-gantry"]
 
 
 @pytest.mark.slow
-def test_launch_says_that_nothing_is_written(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.usefixtures("agents_here")
+def test_launch_says_that_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Before the search and after it, as `plan` does."""
-    line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--time-limit", "0.1"]
+    line = ["launch", str(four_parts(tmp_path)), *TEAM, "--time-limit", "0.1"]
     assert run(line) == 0
     said = " ".join(capsys.readouterr().err.split())
     assert "nothing will be written" in said and "nothing was written; `-o STEM`" in said
@@ -80,11 +87,26 @@ def test_the_file_of_parameters_is_not_written_over(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("freedom", ["fixed", "seam"])
-def test_heads_are_as_free_as_was_asked(tmp_path: Path, freedom: str) -> None:
+def test_heads_are_as_free_as_was_asked(
+    tmp_path: Path, freedom: str, request: pytest.FixtureRequest
+) -> None:
     """Nothing is reversed with `fixed`; with `seam` loops are entered elsewhere; all is sound."""
-    plan, source = tmp_path / "plan.json", str(sample_path("plate.gcode.gz"))
-    options = ["--freedom", freedom, "--time-limit", "0.5", "--plan", str(plan)]
-    assert run(["launch", source, *options]) == 0
+    if freedom == "fixed":  # one of them with real agents
+        request.getfixturevalue("agents_here")
+    plan, source = tmp_path / "plan.json", tmp_path / "in.gcode"
+    source.write_text(made_gcode([(60, 100), (240, 100)], layers=2))
+    options = [
+        *TEAM,
+        "--cut",
+        "none",
+        "--freedom",
+        freedom,
+        "--time-limit",
+        "0.5",
+        "--plan",
+        str(plan),
+    ]
+    assert run(["launch", str(source), "--freedom", freedom, *options]) == 0
     document = read_plan(plan)
     assert document.metrics["planner"] == "dec-mcts"
     assert document.rules is not None and document.rules.freedom == freedom

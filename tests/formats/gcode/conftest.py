@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,9 +19,9 @@ from decmcts.print.job import PrintJob
 from decmcts.print.toolpath import Toolpath
 from sim.content.seams import seams_of_plan, source_with
 from tests.direct_actions import direct_actions
+from tests.makers.corpus import CORPUS
 from tests.print.test_loops import random_entries
 
-CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
 START = "G28\nG21\nG90\nM82\nG92 E0\n"
 Read = Callable[..., tuple[PrintJob, GcodeDocument]]
 

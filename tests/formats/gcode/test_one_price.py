@@ -31,9 +31,9 @@ from decmcts.search.sequence.metric_kernels import (
 )
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
-from tests.formats.gcode.conftest import CORPUS
 from tests.formats.gcode.reading.test_combing import part
 from tests.limits import LIMITS
+from tests.makers.corpus import CORPUS
 
 Point = tuple[float, float, float]
 PRINTS = (

@@ -14,7 +14,8 @@ from decmcts.formats.gcode.text.source_text import load_text
 from sim.content.arcs import check_arcs, turns_of, turns_of_print
 from sim.content.seams import seams_of_plan
 from tests.direct_actions import direct_actions
-from tests.formats.gcode.conftest import CORPUS, toolpath_of
+from tests.formats.gcode.conftest import toolpath_of
+from tests.makers.corpus import CORPUS
 from tests.print.test_loops import random_entries
 
 WELDED = (

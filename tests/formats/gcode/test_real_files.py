@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections import Counter
 from pathlib import Path
 
@@ -16,8 +15,7 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from sim.faults import FaultKind
 from sim.files.written import verify_written
-
-CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
+from tests.makers.corpus import CORPUS
 
 
 def corpus(folder: str, pattern: str) -> list[Path]:
@@ -26,7 +24,7 @@ def corpus(folder: str, pattern: str) -> list[Path]:
     return found or [CORPUS / folder / "absent"]
 
 
-pytestmark = [pytest.mark.shared, pytest.mark.slow, pytest.mark.usefixtures("needs_corpus")]
+pytestmark = [pytest.mark.shared, pytest.mark.long, pytest.mark.usefixtures("needs_corpus")]
 
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.gcode.gz"), ids=lambda p: p.name)

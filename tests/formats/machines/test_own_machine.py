@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.heads.clearances import Setting, clearance_machine, read_clearances
 from decmcts.formats.machines.own_machine import holds, machine_of_text
+from tests.makers.corpus import CORPUS
 
 CLEARANCES = """
 ; bed_shape = 0x0,200x0,200x200,0x200
@@ -76,9 +74,6 @@ def test_a_preset_holds_a_head_that_asks_for_no_more_room(radius, height, fits):
     }
     found = read_clearances({name: Setting(value) for name, value in asked.items()})
     assert holds(preset, found) is fits
-
-
-CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
 
 
 @pytest.mark.shared

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
+from tests.makers.corpus import CORPUS
 
 MODELS = ["mk3s", "mk4", "mk4s", "mini", "xl", "coreone", "coreonel", "ht90"]
 NOZZLE = {"height": "0", "type": "convex", "polygons": ["-5,-5;5,-5; 5,5;-5,5"]}
@@ -108,10 +108,9 @@ def test_files_that_are_no_geometries_are_refused(tmp_path, content):
 )
 def test_presets_equal_prusas_file(name):
     """The presets were re-entered; a slip of the pen would be a wrong clearance."""
-    corpus = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
-    file = corpus / "machines" / "geometries.json"
+    file = CORPUS / "machines" / "geometries.json"
     if not file.exists():
-        pytest.skip(f"no corpus at {corpus}")
+        pytest.skip(f"no corpus at {CORPUS}")
     preset = load_machine(name).heads[0].slices
     theirs = load_machine(f"{file}:{name.upper()}").heads[0].slices
     assert [s.height_mm for s in preset] == [s.height_mm for s in theirs]

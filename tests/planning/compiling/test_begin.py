@@ -16,8 +16,7 @@ from decmcts.planning.events import unheard
 from tests.late_kernels import late_kernels
 from tests.search.problems import random_problem
 
-AHEAD = """
-import sys
+LOADED = """
 from dataclasses import replace
 import numpy as np
 from decmcts.planning.compiling.begin import compile_search
@@ -26,8 +25,9 @@ from decmcts.search.planners import plan_order
 from decmcts.search.sequence.timed_lags import no_timed_lags
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, with_bare, with_loops, with_pace
-
-planner, kind, ahead = sys.argv[1:]
+"""
+AHEAD = """
+planner, kind, is_ahead = case
 problem = random_problem(0, 600, density=0.002)
 if kind == "narrow":  # few contours a layer: solved exactly
     layer = np.arange(60, dtype=np.int32) // 4
@@ -42,41 +42,22 @@ if kind == "bare":
     problem = with_bare(problem)
 if kind == "cooling":
     problem = replace(problem, timed_lags=no_timed_lags(600))
-if ahead == "yes":
+if is_ahead:
     compile_search(problem, planner)
 """
 SEARCH = "plan_order(problem, planner=planner, stopping=Stopping(iterations=30_000), seed=0)"
-
-
-def late(planner: str, kind: str, *, ahead: bool) -> list[str]:
-    """Name the kernels a search in a fresh process compiles, or loads, within its time."""
-    return late_kernels(AHEAD, SEARCH, planner, kind, "yes" if ahead else "no")
+KINDS = [("hybrid", kind) for kind in ("paths", "narrow", "loops", "time", "bare", "cooling")]
+KINDS += [("mcts", "paths"), ("local", "loops")]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("planner", "kind"),
-    [
-        ("hybrid", "paths"),
-        ("hybrid", "narrow"),
-        ("hybrid", "loops"),
-        ("hybrid", "time"),
-        ("hybrid", "bare"),
-        ("hybrid", "cooling"),
-        ("mcts", "paths"),
-        ("local", "loops"),
-    ],
-)
-def test_a_search_finds_every_kernel_compiled(planner: str, kind: str) -> None:
-    """Small searches ahead of the real one take every path it may take."""
-    assert late(planner, kind, ahead=True) == []
-
-
-@pytest.mark.slow
-def test_without_searches_ahead_kernels_come_late() -> None:
-    """What the tests above count is counted."""
-    assert "anneal" in late("hybrid", "paths", ahead=False)
-    assert "trace" in late("hybrid", "narrow", ahead=False)
+def test_a_search_finds_every_kernel_compiled() -> None:
+    """Small searches ahead of the real one take every path it may take; counted is what is late."""
+    ahead = [(*kind, "ahead") for kind in KINDS]
+    late = [(*kind, "") for kind in KINDS[:2]]
+    *found, paths, narrow = late_kernels(LOADED, AHEAD, SEARCH, [*ahead, *late])
+    assert dict(zip(KINDS, found, strict=True)) == {kind: [] for kind in KINDS}
+    assert "anneal" in paths and "trace" in narrow
 
 
 def test_a_search_limited_by_iterations_begins_with_what_was_asked_for(fresh: Path) -> None:

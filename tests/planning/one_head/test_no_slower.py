@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,8 +20,8 @@ from decmcts.planning.writing.file_times import FileTimes, likely_longer
 from decmcts.planning.writing.one_head import draft_single
 from sim.verify import verify_plan
 from tests.cli.test_bad_input import TAIL, gcode
+from tests.makers.corpus import CORPUS
 
-CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3] / "shared"))
 COMBED = CORPUS / "gcode/cura_5.3.1_marlin_lightning.gcode.gz"
 WORDS = ["--machine", "paper", "--time-limit", "0.2", "--max-layers-ahead", "0"]
 

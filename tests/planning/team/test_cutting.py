@@ -49,7 +49,7 @@ from sim.pictures.layer_view import draw_pieces
 from sim.pictures.report.saving import saving_of
 from sim.verify import verify_plan
 from tests.conftest import opened
-from tests.planning.conftest import Agents
+from tests.makers.agents import Agents
 from tests.prints import slab
 from tests.sim.pictures.report.unpacking import page_of
 

@@ -16,8 +16,8 @@ from decmcts.planning.problem.print_problem import load
 from decmcts.planning.team.judged import judged, shared_out
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.planning.worker import Worker, worker
-from tests.planning.conftest import Agents
-from tests.planning.team.test_pipeline import print_of_parts
+from tests.makers.agents import Agents
+from tests.prints import four_parts
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_files_are_the_same_with_a_worker_and_without(
     beside: Worker, agents: Agents, tmp_path: Path
 ) -> None:
     """Byte for byte, and so is the verdict."""
-    problem = load(Path(print_of_parts(tmp_path)), "dual-gantry")
+    problem = load(four_parts(tmp_path), "dual-gantry")
     planned = plan_team(problem, TeamSearch(0.5), writes=True, agents=agents)
     assert len(planned.head_files) == 2
     bare = replace(planned, head_files=())

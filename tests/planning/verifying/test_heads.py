@@ -198,7 +198,7 @@ def test_heads_that_shut_each_other_out_are_told_so_before_the_search(tmp_path, 
     source, machine = tmp_path / "in.gcode", tmp_path / "pair.toml"
     source.write_text(TEXT)
     machine.write_text(SHUT_OUT)
-    assert run(["launch", str(source), "--machine", str(machine), "--time-limit", "1"]) == 2
+    assert run(["launch", str(source), "--machine", str(machine), "--time-limit", "0"]) == 2
     said = capsys.readouterr().err.splitlines()
     assert not any(line.startswith("an order for one head") for line in said)
     assert f"{source}:12: no head of 'pair' can print contour 0" in said[-1]

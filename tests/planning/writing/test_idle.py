@@ -19,7 +19,7 @@ from decmcts.planning.problem.source import read_source
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from sim.heads.idle import _UNSEEN
-from tests.planning.conftest import Agents
+from tests.makers.agents import Agents
 from tests.planning.writing.test_own_tools import spoilt
 from tests.planning.writing.test_tools import PRESET, Source
 

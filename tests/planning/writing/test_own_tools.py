@@ -26,7 +26,7 @@ from sim.controllers.simulate import simulate
 from sim.experiments.made_print import made_tools_gcode
 from sim.files.tower import read_without_tower
 from sim.heads.changes import without_changes
-from tests.planning.conftest import Agents
+from tests.makers.agents import Agents
 from tests.planning.writing.test_tools import (
     HOT,
     STANDBY,

@@ -18,7 +18,7 @@ from decmcts.planning.problem.print_problem import load
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from sim.heads.file import read_head_file
-from tests.planning.conftest import Agents
+from tests.makers.agents import Agents
 
 PRESET = Path(decmcts.__file__).parent / "machines" / "dual-gantry.toml"
 HOT, STANDBY = (215, 230), (180, 190)

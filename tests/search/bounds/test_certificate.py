@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,34 +19,37 @@ from decmcts.search.bounds.relaxation import WIDTH, Relaxation
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import Freedom, OrderProblem
 from decmcts.search.sequence.stopping import Stopping
+from tests.makers.corpus import CORPUS
 from tests.search.problems import choices, price, random_problem, with_bare, with_loops, with_pace
-
-CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3].parent / "shared"))
 
 
 def optimum(problem: OrderProblem) -> float:
     """Least travel by depth-first search over all linear extensions and choices for each."""
     n = len(problem)
-    before: list[set[int]] = [set() for _ in range(n)]
-    for a, b in problem.graph.pairs():
-        before[b].add(int(a))
-    best = np.inf
+    needed = [0] * n  # contours before each, as bits
+    for a, b in problem.graph.pairs().tolist():
+        needed[b] |= 1 << a
+    visits = [(c, into, out) for c in range(n) for into, out in choices(problem, c)]
+    steps = [
+        [price(problem, out, into) if a != b else 0.0 for b, into, _ in visits]
+        for a, _, out in visits
+    ]
+    best, least = np.inf, dict[tuple[int, int], float]()  # least travel to each state
 
-    def visit(done: list[int], exit_: np.ndarray | None, travel: float) -> None:
+    def visit(done: int, last: int, travel: float) -> None:
         nonlocal best
-        if travel >= best:
+        if travel >= min(best, least.get((done, last), np.inf)):
             return
-        if len(done) == n:
+        least[done, last] = travel
+        if done == (1 << n) - 1:
             best = travel
             return
-        for c in set(range(n)) - set(done):
-            if before[c] <= set(done):
-                for into, out in choices(problem, c):
-                    step = 0.0 if exit_ is None else price(problem, exit_, into)
-                    visit([*done, c], out, travel + step)
+        for k, (c, _, _) in enumerate(visits):
+            if not done >> c & 1 and needed[c] & done == needed[c]:
+                visit(done | 1 << c, k, travel if last < 0 else travel + steps[last][k])
 
-    visit([], None, 0.0)
-    return float(best)
+    visit(0, -1, 0.0)
+    return best
 
 
 def relaxed_bound(problem: OrderProblem, rounds: int, width: int = WIDTH) -> float:
@@ -107,14 +108,14 @@ def towers(seed: int, n: int) -> OrderProblem:
 
 @pytest.mark.slow
 def test_relaxation_never_exceeds_the_optimum() -> None:
-    """The certificate's promise, on hundreds of problems solved by brute force."""
+    """The certificate's promise, on many problems solved by brute force."""
     close = 0
-    for seed in range(300):
+    for seed in range(144):  # nine of each kind
         problem = varied(small_problem(seed) if seed % 2 else layered_problem(seed // 2), seed)
         least, bound = optimum(problem), relaxed_bound(problem, 8)
         assert bound <= least + 1e-12, seed
         close += bound >= 0.9 * least - 1e-6
-    assert close > 150  # a bound of zero would be valid too
+    assert close > 72  # a bound of zero would be valid too
 
 
 @pytest.mark.slow
@@ -122,7 +123,7 @@ def test_relaxation_never_exceeds_the_optimum() -> None:
 def test_travels_that_are_not_listed_are_bounded_too(width: int) -> None:
     """With so few travels listed most of them count by what the rest costs at least."""
     rng = np.random.default_rng(width)
-    for seed in range(150):
+    for seed in range(80):
         problem = varied(small_problem(seed) if seed % 2 else layered_problem(seed // 2), seed)
         least = optimum(problem)
         assert relaxed_bound(problem, 6, width) <= least + 1e-12, seed
@@ -144,13 +145,12 @@ def test_the_cheapest_travels_are_those_of_a_plain_search(seed: int) -> None:
     prices = relaxed.prices(relaxed.allowed(rng.normal(0.0, 1.0, relaxed.size)))
     tails, rest = price_travels(relaxed.choices, relaxed.boxes, relaxed.rule, prices, width)
     after = np.zeros((n, n), np.bool_)
-    for b in range(n - 1, -1, -1):
-        for a, c in problem.graph.pairs():
-            if a == b:
-                after[b] |= after[c]
-                after[b, c] = True
+    for b, c in sorted(problem.graph.pairs().tolist(), reverse=True):
+        after[b] |= after[c]
+        after[b, c] = True
     rule, offsets = relaxed.rule, relaxed.choices.offsets
-    for j in range(n):
+    ways = [numbered(problem, c) for c in range(n)]
+    for j in range(0, n, 3):
         covers = set(rule.covers[rule.offsets[j] : rule.offsets[j + 1]].tolist())
         unrelated = set(np.flatnonzero(~(after[j] | after[:, j])).tolist()) - {j}
         assert covers <= set(np.flatnonzero(after[:, j]).tolist())
@@ -163,8 +163,8 @@ def test_the_cheapest_travels_are_those_of_a_plain_search(seed: int) -> None:
                     price(problem, out, into)
                     + prices.by_choice[offsets[i] + p]
                     - prices.by_choice[offsets[j] + q]
-                    for p, (_, out) in numbered(problem, i)
-                    for q, (into, _) in numbered(problem, j)
+                    for p, (_, out) in ways[i]
+                    for q, (into, _) in ways[j]
                 )
             )
         cheapest = sorted(cost, key=lambda i: cost[i])

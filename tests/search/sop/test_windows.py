@@ -75,6 +75,7 @@ def test_a_thread_far_behind_goes_on_from_the_incumbent() -> None:
     assert behind.cost == pytest.approx(cost_of(bare.costs, bare.order))
 
 
+@pytest.mark.long
 def test_windows_after_a_long_annealing_find_more_than_a_longer_one() -> None:
     """Where costs are distances: 19 462 and 19 533 in all."""
 

@@ -66,7 +66,7 @@ def test_no_travel_takes_less(case_of: Callable[..., Any], habit: str, limits: s
     job = replace(case_of(line, square).job, settings=HABITS[habit])
     machine = replace(make_machine(), limits=LIMITS[limits])
     pace, ratios = FastestTravel.of(job, machine), []
-    for _ in range(300):
+    for _ in range(120):
         legs = paths_of(rng)
         offsets = np.cumsum([0, 2, *map(len, legs)])
         contour, zero = (

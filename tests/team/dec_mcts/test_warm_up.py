@@ -12,8 +12,7 @@ from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.resolve import resolve
 from tests.late_kernels import late_kernels
 
-AHEAD = """
-import sys
+LOADED = """
 from decmcts.feasibility.build import build_graph
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_in_turn
@@ -22,13 +21,14 @@ from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from tests.team.conftest import make_job, make_machine
-
+"""
+AHEAD = """
 machine, job = make_machine(), make_job(2, towers=8, reach=5.0)
 graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
 problem = build_team_problem(job, machine, graph)
 begun = StatedOrder.of(resolve(problem, {}, (0, 1)).toolpaths)
 begun = build_team_problem(job, machine, graph, start=begun)
-if sys.argv[1] == "yes":
+if case[0] == "ahead":
     compile_rounds()
 """
 SEARCH = """
@@ -37,16 +37,11 @@ for each in (problem, begun):
 """
 
 
-def late(ahead: str) -> list[str]:
-    """Name the kernels that a fresh process compiles, or loads, within its rounds."""
-    return late_kernels(AHEAD, SEARCH, ahead)
-
-
 @pytest.mark.slow
 def test_rounds_find_every_kernel_compiled() -> None:
     """Policies, tree, distribution, polishing and what is told."""
-    assert late("yes") == []
-    assert {"polish", "not_before"} <= set(late("no"))
+    ahead, late = late_kernels(LOADED, AHEAD, SEARCH, [["ahead"], ["late"]])
+    assert ahead == [] and {"polish", "not_before"} <= set(late)
 
 
 @pytest.mark.slow

@@ -218,7 +218,7 @@ def test_head_without_work_parks(read):
     assert at < lines.index("SYNC_SIGNAL N=2")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_shipped_plate_runs_in_any_timing():
     """A real plate on two heads: both files follow the plan's paths and nothing else."""
     path = sample_path("plate.gcode.gz")
