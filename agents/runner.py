@@ -33,7 +33,7 @@ from agents.networks.transport import NoNetwork, Packet, Transport
 from agents.networks.zenoh_transport import ZenohTransport
 from agents.running.carrier import Carrier, NumberedPlan
 from agents.running.clock import PrintClock
-from agents.running.port import ALIVE_S, SILENT_S, Pipe, Ready, Release, pack_command, write_all
+from agents.running.port import ALIVE_S, SILENT_S, Pipe, Ready, Release, pack, write_all
 from agents.running.report import KIND, Reached, unpack_report
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
@@ -142,7 +142,7 @@ class Runner:
         now, carrier = time.monotonic(), self.carrier
         carrier.ahead_s = max(AHEAD_S, AHEAD_PACE_S * self.clock.pace)
         commands = carrier.step(self.clock.now())
-        asked = b"".join(map(pack_command, commands))
+        asked = b"".join(map(pack, commands))
         state = (carrier.number, carrier.held, carrier.reached, carrier.off, carrier.released)
         changed = state != self.last
         asks = any(not isinstance(command, Release) for command in commands)

@@ -14,24 +14,17 @@ from dataclasses import dataclass
 from typing import Protocol as Interface
 
 from agents.agreeing.events import (
-    DistributionReady,
     Effect,
     Event,
     Forget,
-    JointReady,
     Leave,
     Left,
     LiveChanged,
     Note,
-    Offer,
-    PeerAppeared,
-    PeerGone,
     Phase,
     PlanningEnded,
     PlanResolved,
     Propose,
-    Proposed,
-    Received,
     Refused,
     Release,
     Resolve,
@@ -45,15 +38,18 @@ from agents.agreeing.protocol import Protocol
 from agents.loop.offers import Offers
 from agents.messages.codec import decode, encode, kind_of
 from agents.messages.kinds import (
+    DROPPABLE,
     MAX_SILENCE_TICKS,
     SILENCE_TICKS,
     Distribution,
     Envelope,
+    Joint,
     Message,
     MessageError,
     Plans,
+    Presence,
 )
-from agents.networks.transport import MALFORMED, Packet, Presence, Traffic, Transport
+from agents.networks.transport import MALFORMED, Packet, Traffic, Transport
 from agents.planners.planner import Planner
 from decmcts.errors import InputError
 
@@ -224,12 +220,12 @@ class Agent:
     def _share(self, now: float) -> None:
         if now - self._shared >= SHARE_S:
             self._shared = now
-            told = self._planner.distribution()
-            self._entropy = told.entropy
-            self._feed(DistributionReady(told))
+            own = self._planner.distribution()
+            self._entropy = own.entropy
+            self._feed(own)
         joint = self._planner.best_joint(self._live)
         if self._offers.is_worth_telling(joint, now):
-            self._feed(JointReady(joint))
+            self._feed(joint)
 
     def _get_stuck(self, error: InputError) -> None:
         # The live heads cannot print everything. Nothing to do but wait for the
@@ -282,8 +278,7 @@ class Agent:
 
     def _arrive(self, arrival: Packet | Presence) -> None:
         if isinstance(arrival, Presence):
-            kind = PeerAppeared if arrival.alive else PeerGone
-            self._feed(kind(arrival.head, arrival.epoch))
+            self._feed(arrival)
             return
         try:
             envelope = decode(arrival.payload, self._planner.most_symbols)
@@ -294,7 +289,7 @@ class Agent:
             self.drop(f"{MALFORMED} message of head {arrival.head}", str(error))
             return
         self.traffic.count_received(arrival.kind, len(arrival.payload))
-        self._feed(Received(envelope))
+        self._feed(envelope)
 
     def drop(self, reason: str, detail: str = "") -> None:
         """Count a message that is dropped; log the first of each reason."""
@@ -315,11 +310,11 @@ class Agent:
 
     def _do(self, effect: Effect) -> Event | None:
         match effect:
-            case Send(message, reliable):
-                self._send(message, reliable=reliable)
-            case Take(head, distribution):
+            case Send(message):
+                self._send(message)
+            case Take(head, Distribution() as distribution):
                 self._take(head, distribution)
-            case Offer(head, joint):
+            case Take(head, Joint() as joint):
                 self._offers.add(head, joint)
             case Forget(head):
                 self._planner.forget(head)
@@ -343,11 +338,10 @@ class Agent:
         if self._agreeing_since is None:
             self._agreeing_since = self._clock()
         try:
-            best = self._planner.serial(live) if serial else self._planner.best(live)
+            return self._planner.serial(live) if serial else self._planner.best(live)
         except InputError as error:
             self._get_stuck(error)
             return None
-        return Proposed(live, best.plans, best.makespan_s, best.digest, serial)
 
     def _take(self, head: int, distribution: Distribution) -> None:
         try:
@@ -363,7 +357,7 @@ class Agent:
             return PlanResolved(live, claimed, "", 0.0)
         return PlanResolved(live, claimed, found.digest, found.makespan_s)
 
-    def _send(self, message: Message, *, reliable: bool) -> None:
+    def _send(self, message: Message) -> None:
         self._seq += 1
         try:
             payload = encode(Envelope.of(self._head, self._epoch, self._seq, message))
@@ -372,4 +366,4 @@ class Agent:
             return
         kind = kind_of(message)
         self.traffic.count_sent(kind, len(payload))
-        self._transport.send(kind, payload, reliable=reliable)
+        self._transport.send(kind, payload, reliable=not isinstance(message, DROPPABLE))

@@ -22,7 +22,7 @@ from typing import Any
 from agents.launching.processes import PIPED, AgentProcess
 from agents.launching.processes import Said as AgentSaid
 from agents.networks.meeting import Meeting
-from agents.running.port import Finish, Pipe, Said, pack_command, write_all
+from agents.running.port import Finish, Pipe, Said, pack, write_all
 
 RUNNER = (sys.executable, "-P", "-m", "agents.runner", PIPED)
 _END_S = 2.0
@@ -81,7 +81,7 @@ class HeadProcesses:
 
     def finish(self, why: str) -> None:
         """Have the controller be off behind the action it is at, in the place of a dead agent."""
-        write_all(self._ends[0], pack_command(Finish(why)))
+        write_all(self._ends[0], pack(Finish(why)))
 
     @property
     def controller_pid(self) -> int:
