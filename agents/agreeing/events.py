@@ -177,17 +177,7 @@ class Left:
     reason: str
 
 
-Effect = (
-    Send
-    | Take
-    | Forget
-    | LiveChanged
-    | RosterComplete
-    | Propose
-    | Resolve
-    | Unfenced
-    | Release
-    | Refused
-    | Note
-    | Left
-)
+Notice = Note | Refused | Unfenced | Release | Left
+"""Effects that whoever watches an agent is shown."""
+
+Effect = Send | Take | Forget | LiveChanged | RosterComplete | Propose | Resolve | Notice

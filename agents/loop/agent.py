@@ -18,21 +18,19 @@ from agents.agreeing.events import (
     Event,
     Forget,
     Leave,
-    Left,
     LiveChanged,
     Note,
+    Notice,
     Phase,
     PlanningEnded,
     PlanResolved,
     Propose,
-    Refused,
     Release,
     Resolve,
     RosterComplete,
     Send,
     Take,
     Tick,
-    Unfenced,
 )
 from agents.agreeing.protocol import Protocol
 from agents.loop.offers import Offers
@@ -96,7 +94,7 @@ class FrontEnd(Interface):
     def progress(self, progress: Progress, traffic: Traffic) -> None:
         """Show where the agent stands."""
 
-    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+    def tell(self, effect: Notice) -> None:
         """Show one event worth a line."""
 
 
@@ -312,10 +310,8 @@ class Agent:
         match effect:
             case Send(message):
                 self._send(message)
-            case Take(head, Distribution() as distribution):
-                self._take(head, distribution)
-            case Take(head, Joint() as joint):
-                self._offers.add(head, joint)
+            case Take(head, message):
+                self._take(head, message)
             case Forget(head):
                 self._planner.forget(head)
             case LiveChanged(live):
@@ -330,7 +326,7 @@ class Agent:
                 self.released = effect
                 self.show()
                 self._front.tell(effect)
-            case Note() | Refused() | Unfenced() | Left():
+            case _:
                 self._front.tell(effect)
         return None
 
@@ -343,9 +339,12 @@ class Agent:
             self._get_stuck(error)
             return None
 
-    def _take(self, head: int, distribution: Distribution) -> None:
+    def _take(self, head: int, message: Distribution | Joint) -> None:
+        if isinstance(message, Joint):  # judging it costs time: not each, and not at once
+            self._offers.add(head, message)
+            return
         try:
-            self._planner.take(head, distribution)
+            self._planner.take(head, message)
         except MessageError as error:
             self.drop(f"distribution of head {head} does not fit", str(error))
 

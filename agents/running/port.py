@@ -88,7 +88,7 @@ class Finish:
 
 
 Command = Start | Release | Pause | Resume | Abort | Finish
-Said = PrintEvent | Ready | Alive
+Statement = PrintEvent | Ready | Alive
 _COMMANDS: dict[str, type[Command]] = {
     "start": Start, "release": Release, "pause": Pause, "resume": Resume, "abort": Abort,
     "finish": Finish,
@@ -115,9 +115,9 @@ class Pipe:
             max_bin_len=0, max_ext_len=0,
         )  # fmt: skip
 
-    def said(self) -> Iterator[Said]:
-        """Yield what a controller says; waits where the descriptor does."""
-        return self._read(said_of)
+    def statements(self) -> Iterator[Statement]:
+        """Yield what a controller states; waits where the descriptor does."""
+        return self._read(statement_of)
 
     def commands(self) -> Iterator[Command]:
         """Yield what an agent asks; waits where the descriptor does."""
@@ -141,8 +141,8 @@ class Pipe:
             self.open = False
 
 
-def said_of(found: Any) -> Said:
-    """Return what a controller said; raises ValueError for anything else."""
+def statement_of(found: Any) -> Statement:
+    """Return what a controller states; raises ValueError for anything else."""
     match found:
         case [str(word), *fields] if word in _STATED:
             return read_row(_STATED[word], fields)

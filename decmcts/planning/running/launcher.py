@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.launching.places import Places
-from agents.launching.processes import Said as AgentSaid
+from agents.launching.processes import AgentLine
 from agents.launching.spawn import SECRET_BYTES
 from agents.networks.meeting import Meeting
 from agents.running.heads import HeadProcesses, Recorded
@@ -54,7 +54,7 @@ class Launcher:
     report: Report = unheard
     show: Show = unseen
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None
-    heard: queue.Queue[AgentSaid | Recorded | News] = field(default_factory=queue.Queue)
+    heard: queue.Queue[AgentLine | Recorded | News] = field(default_factory=queue.Queue)
     team: Team = field(init=False)
     renewal: Renewal = field(init=False)
     failing: Failing = field(init=False)
@@ -97,7 +97,7 @@ class Launcher:
                        str(clock_path), "--timing", given.timing.value, "--error",
                        str(given.error), "--seed", str(given.seed), "--queue",
                        str(given.queue)]  # fmt: skip
-            self.team.processes.append(HeadProcesses(h, command, self.heard))  # type: ignore[arg-type] # it takes News besides
+            self.team.processes.append(HeadProcesses(h, command, self.heard.put))
         more = ["--loss", str(given.loss), "--delay", str(given.delay_s / given.speed),
                 "--seed", str(given.seed)]  # fmt: skip
         for one in self.team.processes:
@@ -156,22 +156,22 @@ class Launcher:
         except queue.Empty:
             return
 
-    def take(self, item: AgentSaid | Recorded | News) -> None:
+    def take(self, item: AgentLine | Recorded | News) -> None:
         """Take what a controller, an agent or the thread that plans states."""
         match item:
-            case Recorded() if self._is_ending and isinstance(item.said, PrintEvent | None):
-                if item.said is not None and item.said.kind is not EventKind.FAILED:
+            case Recorded() if self._is_ending and isinstance(item.statement, PrintEvent | None):
+                if item.statement is not None and item.statement.kind is not EventKind.FAILED:
                     self._take_record(item)
             case Recorded():
                 self._take_record(item)
-            case AgentSaid():
+            case AgentLine():
                 self._take_agent(item)
             case Parking() | Renewed() | NotRenewed():
                 self.renewal.take(item)
 
     def _take_record(self, item: Recorded) -> None:
         head = self.team.heads[item.head]
-        match item.said:
+        match item.statement:
             case None:
                 head.controller_gone = head.controller_gone or "its controller ended"
             case Ready(number, _):
@@ -203,7 +203,7 @@ class Launcher:
                 failure.on_s = time_s
                 failure.stood_s = max(0.0, time_s - max(ended, default=time_s))
 
-    def _take_agent(self, item: AgentSaid) -> None:
+    def _take_agent(self, item: AgentLine) -> None:
         head = self.team.heads[item.head]
         head.pulse_at = time.monotonic()
         match item.line:

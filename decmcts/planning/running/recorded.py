@@ -103,7 +103,7 @@ class Carried:
         """Take a person's word where a head stopped; False where it cannot have stopped there.
 
         The nozzle is at most `SEEN_MM` from the path of the action it had begun, not behind what
-        it had passed. Where it had begun none, or has said where it stopped, nothing is missing.
+        it had passed. Where it had begun none, or has stated where it stopped, nothing is missing.
         """
         place = self.heads.index(head)
         actions, state = self.document.plan.heads[place], self.state(head)
@@ -232,7 +232,7 @@ def course_of(
 ) -> Course:
     """Return where a head was over time.
 
-    One that never said how an action ended is taken to have ended it. `moved` has when people put
+    One that never stated how an action ended is taken to have ended it. `moved` has when people put
     heads that failed elsewhere, and where.
     """
     moves = _Moves([np.array([park])])

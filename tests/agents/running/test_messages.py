@@ -70,7 +70,7 @@ def test_what_the_port_carries_comes_back() -> None:
     said = [Ready(0, "ab"), Alive(1.5, (1.0, 2.0, 3.0)), EVENT]
     for packed, name, due in (
         ([pack(each) for each in commands], "commands", commands),
-        ([pack(said[0]), pack(said[1]), pack_event(EVENT)], "said", said),
+        ([pack(said[0]), pack(said[1]), pack_event(EVENT)], "statements", said),
     ):
         reads, writes = os.pipe()
         os.write(writes, b"".join(packed))
@@ -86,7 +86,7 @@ def test_what_is_no_message_ends_a_pipe() -> None:
     reads, writes = os.pipe()
     os.write(writes, b"\x93\xa3bad\x01\x02")
     pipe = Pipe(reads)
-    assert list(pipe.said()) == [] and not pipe.open
+    assert list(pipe.statements()) == [] and not pipe.open
     for descriptor in (reads, writes):
         os.close(descriptor)
 

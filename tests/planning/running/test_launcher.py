@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.launching.processes import Said as AgentSaid
+from agents.launching.processes import AgentLine
 from agents.running.heads import Recorded
 from agents.running.port import Ready
 from decmcts.planning.events import Event, Note
@@ -74,7 +74,7 @@ class Desk:
         """Have all agents hold."""
         self.launcher.step()
         for h, number in enumerate(numbers):
-            self.launcher.take(AgentSaid(h, {"event": "held", "number": number, "released": 1}))
+            self.launcher.take(AgentLine(h, {"event": "held", "number": number, "released": 1}))
         self.launcher.step()
 
     def park(self) -> None:
