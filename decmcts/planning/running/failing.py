@@ -3,14 +3,15 @@
 | what fails | how it is noticed | what follows |
 |---|---|---|
 | the head | its controller says `failed` | fenced there; it goes to its park |
-| its agent | its process ends | its controller ends its action, then says `failed` |
+| its agent | its process ends, or is silent | its controller ends its action, then says `failed` |
 | its bus | the others do not hear it | its agent has it stop: its controller says `failed` |
 | its controller | silent, or ended | lost, until a person says where it stands |
 
 A head that fails is *lost* until it is *fenced*: by its controller's word, or a person's. Only then
 is it sure that it does nothing any more, and the rest is planned without it (`renewing`). A head
 whose controller lives goes to its park by a plan; where its agent is gone, another is started for
-that. One that fails on that path is lost again.
+that. One that fails on that path is lost again. One that a person aborts, or fences, stays where it
+is: its processes are ended.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from agents.launching.processes import AgentLine, AgentProcess
 def test_an_end_is_told_as_what_it_was(code: str, said: str) -> None:
     """A killed agent was reported by its last note: 'right is here'."""
     heard: queue.Queue[AgentLine] = queue.Queue()
-    agent = AgentProcess(0, (sys.executable, "-c", code), heard)
+    agent = AgentProcess(0, (sys.executable, "-c", code), heard.put)
     assert heard.get(timeout=30.0).line is None
     assert agent.ending() == said
     agent.reap()
@@ -33,7 +33,7 @@ def test_an_end_is_told_as_what_it_was(code: str, said: str) -> None:
 @pytest.mark.slow
 def test_a_running_agent_has_no_end() -> None:
     heard: queue.Queue[AgentLine] = queue.Queue()
-    agent = AgentProcess(0, (sys.executable, "-c", "import time; time.sleep(60)"), heard)
+    agent = AgentProcess(0, (sys.executable, "-c", "import time; time.sleep(60)"), heard.put)
     os.kill(agent.pid, signal.SIGSTOP)
     assert agent.ending() == ""
     agent.kill()
