@@ -26,7 +26,7 @@ from agents.agreeing.events import Fenced
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
 from agents.planners.team_planner import TeamPlanner
-from decmcts._kernels.engine.lags import Lags
+from decmcts.print.lags_kernels import Lags
 from decmcts.experiments.in_memory import Agreed, agreed, rounds_of, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from decmcts._kernels.engine.lags import Lags
+from decmcts.print.lags_kernels import Lags
 from decmcts.experiments.kinds import Key, Row, stopping_of
 from decmcts.experiments.prints import MIDDLE_MM, Point, print_file
 from decmcts.experiments.rows import Line, column, spread
