@@ -16,7 +16,6 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -40,50 +39,36 @@ WAIT_S = 60.0
 """An agent without a launcher begins to plan after so long although heads are missing."""
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How one agent runs; see `python -m agents.extruder --help`."""
-
-    head: int
-    meeting: Meeting | None = None  # None: alone, no network
-    epoch: int = 0
-    fenced: tuple[int, ...] = ()
-    time_limit_s: float = 30.0
-    silence_s: float = SILENCE_TICKS * TICK_S  # for longer only a stuck planner says nothing
-    seed: int = 0
-    controlled: bool = False  # commands and events go over stdin and stdout
-    output: Path | None = None
-
-
 MakePlanner = Callable[[argparse.Namespace], Planner]
 
 
-def run(planner: Planner, options: Options, pipe: PipeFront | None = None) -> Release | None:
-    """Run one head's agent to its end and return the plan it released."""
-    front = (pipe or PipeFront()) if options.controlled else TerminalFront()
+def run(
+    planner: Planner, given: argparse.Namespace, pipe: PipeFront | None = None
+) -> Release | None:
+    """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released."""
+    front = (pipe or PipeFront()) if given.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
-    is_alone = options.meeting is None
-    fenced = _all_but(options.head, len(planner.names)) if is_alone else options.fenced
+    others = tuple(head for head in range(len(planner.names)) if head != given.head)
     traffic = Traffic()
-    with _transport(options, traffic, pipe) as transport:
+    with _transport(given, traffic, pipe) as transport:
         agent = Agent(
-            options.head,
-            options.epoch,
+            given.head,
+            given.epoch,
             planner=planner,
             transport=transport,
             front=front,
-            time_limit_s=options.time_limit_s,
+            time_limit_s=given.time_limit,
             clock=time.monotonic,
-            wait_s=math.inf if options.controlled else WAIT_S,  # a launcher gives up heads itself
-            fenced=fenced,
-            silence_s=options.silence_s,
+            wait_s=math.inf if given.controlled else WAIT_S,  # a launcher gives up heads itself
+            fenced=others if given.meeting is None else given.fenced,
+            silence_s=given.silence,
             traffic=traffic,
         )
         front.ready(planner.problem)
-        _step_to_the_end(agent, linger_s=None if options.controlled else LINGER_S)
-    if options.output is not None and agent.released is not None:
-        options.output.write_text(json.dumps(line_of(agent.released)))
+        _step_to_the_end(agent, linger_s=None if given.controlled else LINGER_S)
+    if given.output is not None and agent.released is not None:
+        given.output.write_text(json.dumps(line_of(agent.released)))
     return agent.released
 
 
@@ -97,16 +82,12 @@ def _step_to_the_end(agent: Agent, *, linger_s: float | None) -> None:
                 agent.leave("done")
 
 
-def _all_but(head: int, n: int) -> tuple[int, ...]:
-    return tuple(h for h in range(n) if h != head)
-
-
-def _transport(options: Options, traffic: Traffic, pipe: PipeFront | None) -> Transport:
-    meeting = options.meeting
+def _transport(given: argparse.Namespace, traffic: Traffic, pipe: PipeFront | None) -> Transport:
+    meeting: Meeting | None = given.meeting
     if meeting is None:
         return NoNetwork()
-    if not 0 <= options.head < len(meeting.places):
-        raise InputError(f"--head {options.head}, but {len(meeting.places)} places to meet")
+    if not 0 <= given.head < len(meeting.places):
+        raise InputError(f"--head {given.head}, but {len(meeting.places)} places to meet")
     # Imported here: the single-extruder mode needs no zenoh.
     from agents.networks.zenoh_transport import ZenohTransport
 
@@ -115,8 +96,8 @@ def _transport(options: Options, traffic: Traffic, pipe: PipeFront | None) -> Tr
 
     return ZenohTransport(
         meeting.seal,
-        options.head,
-        options.epoch,
+        given.head,
+        given.epoch,
         meeting.places,
         on_drop=count,
         on_shut=None if pipe is None else pipe.shut,
@@ -172,27 +153,20 @@ def arguments() -> argparse.ArgumentParser:
     return parser
 
 
-def options_of(given: argparse.Namespace, meeting: Meeting | None = None) -> Options:
-    """Return the options a command line asks for; raises `InputError`.
+def options_of(given: argparse.Namespace, meeting: Meeting | None = None) -> argparse.Namespace:
+    """Check what a command line asks for and add where to meet; raises `InputError`.
 
     A launcher hands over the `meeting`; by hand its places are arguments and its secret a file.
+    Without either the agent is alone.
     """
     longest_s = MAX_SILENCE_TICKS * TICK_S
     if not 1.0 <= given.silence <= longest_s:
         raise InputError(f"--silence {given.silence:g}, allowed 1..{longest_s:g} seconds")
     if not 0.0 <= given.time_limit < math.inf:
         raise InputError(f"--time-limit {given.time_limit:g}, must be at least 0 and finite")
-    return Options(
-        head=given.head,
-        meeting=meeting or _meeting_by_hand(given),
-        epoch=given.epoch or time.time_ns() // 1_000_000,
-        fenced=given.fenced,
-        time_limit_s=given.time_limit,
-        silence_s=given.silence,
-        seed=given.seed,
-        controlled=given.controlled,
-        output=given.output,
-    )
+    given.meeting = meeting or _meeting_by_hand(given)
+    given.epoch = given.epoch or time.time_ns() // 1_000_000
+    return given
 
 
 def _meeting_by_hand(given: argparse.Namespace) -> Meeting | None:
@@ -274,10 +248,10 @@ def _run_with(
     given = None
     try:
         given = arguments().parse_args(words)
-        options = options_of(given, None if pipe is None else pipe.meeting)
+        options_of(given, None if pipe is None else pipe.meeting)
         planner = make_planner(given)
         _require_problem(planner.problem, given.expect)
-        run(planner, options, pipe)
+        run(planner, given, pipe)
     except Exception as error:
         if given is not None and given.debug and not isinstance(error, InputError):
             raise

@@ -33,7 +33,7 @@ from agents.networks.transport import NoNetwork, Packet, Transport
 from agents.networks.zenoh_transport import ZenohTransport
 from agents.running.carrier import Carrier, NumberedPlan
 from agents.running.clock import PrintClock
-from agents.running.port import ALIVE_S, SILENT_S, Pipe, Ready, Release, pack_command, write_all
+from agents.running.port import ALIVE_S, SILENT_S, Pipe, Ready, Release, pack, write_all
 from agents.running.report import KIND, Reached, unpack_report
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
@@ -59,15 +59,15 @@ class Runner:
         self.carrier = Carrier(given.head, seq=time.time_ns() // 1_000_000)
         self.to, self.controller = given.to, Pipe(given.of)
         os.set_blocking(given.of, False)
-        self.heard_at = math.inf  # the controller; it has not said anything yet
+        self.heard_at = math.inf  # the controller; it has not stated anything yet
         self.peers_at: dict[int, float] = {}
-        self.wrote_at = self.told_at = self.stood_at = -float("inf")
+        self.wrote_at = self.reported_at = self.stood_at = -float("inf")
         self.last: tuple[Any, ...] = ()
         self.stood: dict[str, Any] = {}
         self.cut = False
         self.gone = False  # the controller
         self.loaded: queue.SimpleQueue[tuple[int, NumberedPlan]] = queue.SimpleQueue()
-        self.limits = 0  # so many were told: plans announced before the last are void
+        self.limits = 0  # so many were stated: plans announced before the last are void
 
     def run(self) -> None:
         """Work until the launcher ends it."""
@@ -117,12 +117,12 @@ class Runner:
 
     def _hear(self) -> None:
         now = time.monotonic()
-        for said in self.controller.said():
+        for stated in self.controller.statements():
             self.heard_at = now
-            if isinstance(said, Ready) and said.digest != digest_of_held(self.carrier, said):
-                self.front.write({"event": "refused", "number": said.number})
+            if isinstance(stated, Ready) and stated.digest != digest_of_held(self.carrier, stated):
+                self.front.write({"event": "refused", "number": stated.number})
                 continue
-            self.carrier.take_said(said)
+            self.carrier.take_statement(stated)
         for arrival in self.transport.receive(POLL_S):
             if isinstance(arrival, Packet) and arrival.kind == KIND:
                 try:
@@ -142,15 +142,15 @@ class Runner:
         now, carrier = time.monotonic(), self.carrier
         carrier.ahead_s = max(AHEAD_S, AHEAD_PACE_S * self.clock.pace)
         commands = carrier.step(self.clock.now())
-        asked = b"".join(map(pack_command, commands))
+        asked = b"".join(map(pack, commands))
         state = (carrier.number, carrier.held, carrier.reached, carrier.off, carrier.released)
         changed = state != self.last
         asks = any(not isinstance(command, Release) for command in commands)
         if changed or asks or now - self.wrote_at >= ALIVE_S:
             self.wrote_at = now
             write_all(self.to, asked)
-        if changed or now - self.told_at >= ALIVE_S:
-            self.told_at, self.last = now, state
+        if changed or now - self.reported_at >= ALIVE_S:
+            self.reported_at, self.last = now, state
             self.transport.send(KIND, carrier.report().pack(), reliable=False)
         if now - self.stood_at >= ALIVE_S:
             self._tell_launcher(now)

@@ -144,7 +144,7 @@ class Fault:
     def until(self, time_s: float) -> bool:
         """Wait for a time of the print; False if the run ended before."""
         assert self.launcher is not None
-        while self.launcher.clock.now() < time_s:
+        while self.launcher.team.clock.now() < time_s:
             if self.over.wait(0.005):
                 return False
         return True
@@ -162,7 +162,7 @@ class Fault:
             if self.refused.is_set():
                 assert self.launcher is not None
                 self.refused.clear()
-                self.until(self.launcher.clock.now() + PERSON_S)
+                self.until(self.launcher.team.clock.now() + PERSON_S)
                 self.asked.put(self.words())
         self.asked.put(None)
 
@@ -174,7 +174,7 @@ class Fault:
         launcher = self.launcher
         assert launcher is not None
         machine = launcher.document.machine
-        names = [head.name for head in launcher.heads]
+        names = [head.name for head in launcher.team.heads]
         places = {name: place_at(launcher, h, math.inf) for h, name in enumerate(names)}
         failed_s = self.at_s if self.whom == self.head else math.inf
         stopped = place_at(launcher, names.index(self.whom), failed_s)
@@ -190,10 +190,10 @@ class Fault:
 
 def place_at(launcher: Launcher, h: int, time_s: float) -> Point:
     """Return where a head is at a time by its plan and its controller's last word before it."""
-    heard = [(p, e) for p in launcher.plans if h in p.heads
+    heard = [(p, e) for p in launcher.team.plans if h in p.heads
              for e in p.events if e.head == p.heads.index(h) and e.time_s <= time_s]  # fmt: skip
     if not heard:
-        return launcher.document.machine.head(launcher.heads[h].name).park
+        return launcher.document.machine.head(launcher.team.heads[h].name).park
     carried, last = heard[-1]
     began = [e for p, e in heard if p is carried and e.kind is EventKind.BEGAN]
     if last.kind not in (EventKind.BEGAN, EventKind.PASSED) or time_s == math.inf or not began:

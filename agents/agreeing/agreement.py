@@ -44,7 +44,7 @@ fenced from the start) the same machine runs through without a message.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from agents.agreeing.ballot import Ballot, Key, key_of
 from agents.agreeing.events import (
@@ -54,7 +54,6 @@ from agents.agreeing.events import (
     Phase,
     PlanResolved,
     Propose,
-    Proposed,
     Release,
     Resolve,
     Send,
@@ -63,7 +62,6 @@ from agents.agreeing.events import (
 from agents.agreeing.roster import Roster
 from agents.messages.digests import apart
 from agents.messages.kinds import (
-    DROPPABLE,
     Commit,
     Goodbye,
     Message,
@@ -85,18 +83,6 @@ agent repeats its own plan at 20 480 numbers a second at most, however long it i
 
 LONGEST_PAUSE_TICKS = 30
 """No plan is said again later than this: lost words must not hold up a release."""
-
-
-def is_droppable(message: Message) -> bool:
-    """Whether a message is soon out of date; all else must arrive."""
-    return isinstance(message, DROPPABLE)
-
-
-@dataclass(frozen=True, slots=True)
-class Changed:
-    """The greeted peers are others than before."""
-
-    dropped: tuple[int, ...]  # heads that are gone, or another incarnation now
 
 
 class Agreement:
@@ -143,8 +129,11 @@ class Agreement:
         """Digest of the plan we released, empty for none."""
         return self._own.digest if self._own and self.phase is Phase.RELEASED else ""
 
-    def sync(self) -> Changed | None:
-        """Forget what peers said who are not greeted any more; return whether any changed."""
+    def sync(self) -> tuple[int, ...] | None:
+        """Forget what peers stated who are not greeted any more; None: all are as before.
+
+        Returns the heads that are gone, or another incarnation now.
+        """
         greeted = self._roster.greeted
         if greeted == self._known:
             return None
@@ -152,7 +141,7 @@ class Agreement:
         for head in dropped:
             self._ballot.drop(head)
         self._known = dict(greeted)
-        return Changed(dropped)
+        return dropped
 
     # Messages ---------------------------------------------------------------
 
@@ -206,12 +195,11 @@ class Agreement:
             self._ballot.drop(self.head)
             self._out.append(Propose(self.live))
 
-    def proposed(self, event: Proposed) -> None:
+    def proposed(self, own: Proposal) -> None:
         """Take in our planner's own proposal."""
         asked = (self.live, self._serial)
-        if self.phase is not Phase.AGREEING or (event.live, event.serial) != asked:
+        if self.phase is not Phase.AGREEING or (own.live, own.serial) != asked:
             return  # answers what is history; another Propose is out
-        own = Proposal(event.live, event.plans, event.makespan_s, event.digest, event.serial)
         self._ballot.propose(self.head, own, verified=True)
         if self._known:
             self._send(own)
@@ -391,4 +379,4 @@ class Agreement:
         self.phase = Phase.LEFT
 
     def _send(self, message: Message) -> None:
-        self._out.append(Send(message, reliable=not is_droppable(message)))
+        self._out.append(Send(message))

@@ -9,7 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from agents.messages.kinds import SILENCE_TICKS, Distribution, Envelope, Joint, Message, Plans
+from agents.messages.kinds import (
+    SILENCE_TICKS,
+    Distribution,
+    Envelope,
+    Joint,
+    Message,
+    Plans,
+    Presence,
+    Proposal,
+)
 
 
 class Phase(Enum):
@@ -25,56 +34,8 @@ class Phase(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class PeerAppeared:
-    """The liveliness token of a head's incarnation is there (again)."""
-
-    head: int
-    epoch: int
-
-
-@dataclass(frozen=True, slots=True)
-class PeerGone:
-    """Its token vanished: the process died, left, or its lease ran out."""
-
-    head: int
-    epoch: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Received:
-    """A well-formed message of another head."""
-
-    envelope: Envelope
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DistributionReady:
-    """Our planner has a new distribution to share."""
-
-    distribution: Distribution
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointReady:
-    """Our planner knows a joint plan worth telling."""
-
-    joint: Joint
-
-
-@dataclass(frozen=True, slots=True)
 class PlanningEnded:
     """Our time is up, or the user wants the best so far."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Proposed:
-    """Our planner's answer to `Propose`."""
-
-    live: tuple[int, ...]
-    plans: Plans
-    makespan_s: float
-    digest: str
-    serial: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,44 +71,35 @@ class Leave:
 
 
 Event = (
-    PeerAppeared
-    | PeerGone
-    | Received
-    | DistributionReady
-    | JointReady
+    Presence
+    | Envelope  # a well-formed message of another head
+    | Distribution  # our planner has a new one to share
+    | Joint  # our planner knows a joint plan worth telling
     | PlanningEnded
-    | Proposed
+    | Proposal  # our planner's answer to `Propose`
     | PlanResolved
     | Fenced
     | Tick
     | Leave
 )
+"""What happens to an agent; messages alone are those of our own planner."""
 
 # Effects --------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Send:
-    """Publish a message to all; `reliable` ones may block the sender's thread."""
+    """Publish a message to all."""
 
     message: Message
-    reliable: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Take:
-    """Give a peer's distribution to the planner."""
+    """Give what a peer told to the planner, which may keep a joint plan."""
 
     head: int
-    distribution: Distribution
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Offer:
-    """Give a joint plan of a peer to the planner, which may keep it."""
-
-    head: int
-    joint: Joint
+    message: Distribution | Joint
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +123,7 @@ class RosterComplete:
 
 @dataclass(frozen=True, slots=True)
 class Propose:
-    """Stop planning; answer with `Proposed` for this live set."""
+    """Stop planning; answer with a `Proposal` for this live set."""
 
     live: tuple[int, ...]
     serial: bool = False  # the explicit order, not the best plan
@@ -225,18 +177,7 @@ class Left:
     reason: str
 
 
-Effect = (
-    Send
-    | Take
-    | Offer
-    | Forget
-    | LiveChanged
-    | RosterComplete
-    | Propose
-    | Resolve
-    | Unfenced
-    | Release
-    | Refused
-    | Note
-    | Left
-)
+Notice = Note | Refused | Unfenced | Release | Left
+"""Effects that whoever watches an agent is shown."""
+
+Effect = Send | Take | Forget | LiveChanged | RosterComplete | Propose | Resolve | Notice

@@ -31,26 +31,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agents.agreeing.agreement import Agreement, is_droppable
+from agents.agreeing.agreement import Agreement
 from agents.agreeing.events import (
-    DistributionReady,
     Effect,
     Event,
     Fenced,
     Forget,
-    JointReady,
     Leave,
     Left,
     LiveChanged,
     Note,
-    Offer,
-    PeerAppeared,
-    PeerGone,
     Phase,
     PlanningEnded,
     PlanResolved,
-    Proposed,
-    Received,
     RosterComplete,
     Send,
     Take,
@@ -61,12 +54,14 @@ from agents.messages.kinds import (
     Beat,
     Commit,
     Distribution,
+    Envelope,
     Goodbye,
     Hello,
     Joint,
     Message,
     PlanReply,
     PlanRequest,
+    Presence,
     Proposal,
 )
 
@@ -136,20 +131,16 @@ class Protocol:
     def _take_in(self, event: Event) -> None:
         agreement = self._agreement
         match event:
-            case PeerAppeared(head, epoch):
-                self._out += self._roster.appeared(head, epoch)
-            case PeerGone(head, epoch):
-                self._out += self._roster.gone(head, epoch)
-            case Received(envelope):
-                self._receive(envelope.stamp.head, envelope.stamp.order, envelope.message)
-            case DistributionReady(distribution):
-                self._tell(distribution)
-            case JointReady(joint):
-                if joint.live == self.live:
-                    self._tell(joint)
+            case Presence(head, epoch, alive):
+                change = self._roster.appeared if alive else self._roster.gone
+                self._out += change(head, epoch)
+            case Envelope(stamp, message):
+                self._receive(stamp.head, stamp.order, message)
+            case Distribution() | Joint():
+                self._tell(event)
             case PlanningEnded():
                 agreement.begin()
-            case Proposed():
+            case Proposal():
                 agreement.proposed(event)
             case PlanResolved():
                 agreement.resolved(event)
@@ -164,9 +155,9 @@ class Protocol:
 
     def _sync(self) -> None:
         """Bring what we know of peers in line with who is greeted."""
-        if not (changed := self._agreement.sync()):
+        if (dropped := self._agreement.sync()) is None:
             return
-        self._out += [Forget(head) for head in changed.dropped]
+        self._out += [Forget(head) for head in dropped]
         if self.phase in (Phase.PLANNING, Phase.AGREEING):
             self._out.append(LiveChanged(self.live))
         if self.phase is Phase.AGREEING:
@@ -189,7 +180,8 @@ class Protocol:
             return
         match message:
             case Distribution() | Joint():
-                self._be_told(head, message)
+                if self.phase is Phase.PLANNING and self._is_of_now(message):
+                    self._out.append(Take(head, message))
             case Beat(within):
                 self._roster.promise(head, within)
             case Proposal() | Commit() | PlanRequest() | PlanReply():
@@ -197,13 +189,9 @@ class Protocol:
             case Goodbye():
                 self._hear_goodbye(head, order[0], message)
 
-    def _be_told(self, head: int, message: Distribution | Joint) -> None:
-        if self.phase is not Phase.PLANNING:
-            return
-        if isinstance(message, Distribution):
-            self._out.append(Take(head, message))
-        elif message.live == self.live:
-            self._out.append(Offer(head, message))
+    def _is_of_now(self, message: Distribution | Joint) -> bool:
+        """Whether a message is of use to those that are live: a joint plan is of all of them."""
+        return isinstance(message, Distribution) or message.live == self.live
 
     def _hear_goodbye(self, head: int, epoch: int, goodbye: Goodbye) -> None:
         # Who takes leave without a release stays parked by its own word, which
@@ -217,7 +205,7 @@ class Protocol:
     # Time, leaving, output ------------------------------------------------------
 
     def _tell(self, message: Distribution | Joint) -> None:
-        if self.phase is Phase.PLANNING and len(self.live) > 1:
+        if self.phase is Phase.PLANNING and len(self.live) > 1 and self._is_of_now(message):
             self._send(message)
 
     def _tick(self, within: int) -> None:
@@ -232,7 +220,7 @@ class Protocol:
         self._agreement.phase = Phase.LEFT
 
     def _send(self, message: Message) -> None:
-        self._out.append(Send(message, reliable=not is_droppable(message)))
+        self._out.append(Send(message))
 
     def _take_out(self) -> list[Effect]:
         out = list(self._out)

@@ -168,7 +168,7 @@ class Roster:
 
     def _hello(self, *, wants_answer: bool) -> Send:
         hello = Hello(self.problem, VERSION, self.names[self.head], wants_answer)
-        return Send(hello, reliable=True)
+        return Send(hello)
 
     def _mismatch(self, hello: Hello) -> str:
         if hello.version != VERSION:

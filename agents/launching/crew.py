@@ -13,7 +13,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Self
 
-from agents.launching.processes import PIPED, AgentProcess, Said
+from agents.launching.processes import PIPED, AgentLine, AgentProcess
 from agents.networks.meeting import Meeting
 
 EXTRUDER = (sys.executable, "-P", "-m", "agents.extruder")
@@ -31,7 +31,7 @@ class Crew:
     """
 
     def __init__(self, heads: int, command: Sequence[str] = EXTRUDER) -> None:
-        self.heard: queue.Queue[Said]  # what they write
+        self.heard: queue.Queue[AgentLine]  # what they write
         self._heads, self._command = heads, (*command, PIPED)
         self._agents: dict[int, AgentProcess] = {}
         self._begun = False
@@ -46,7 +46,7 @@ class Crew:
             self.heard = queue.Queue()
             try:
                 for head in range(self._heads):
-                    self._agents[head] = AgentProcess(head, self._command, self.heard)
+                    self._agents[head] = AgentProcess(head, self._command, self.heard.put)
             except BaseException:  # no `__exit__` comes behind this
                 self._end()
                 raise
@@ -81,6 +81,6 @@ class Crew:
     def start_again(self, head: int, arguments: Sequence[str], meeting: Meeting | None) -> None:
         """Start a process in the place of one that ended, and hand it its arguments."""
         self._agents[head].reap()
-        agent = AgentProcess(head, self._command, self.heard)
+        agent = AgentProcess(head, self._command, self.heard.put)
         self._agents[head] = agent
         agent.begin([*arguments, "--head", str(head)], meeting)

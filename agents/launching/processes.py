@@ -7,12 +7,11 @@ their own, so Ctrl-C reaches the launcher alone and it decides what they do.
 from __future__ import annotations
 
 import json
-import queue
 import signal
 import subprocess
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, BinaryIO
@@ -27,7 +26,7 @@ PIPED = "--piped"  # to an agent: its arguments follow as one line on stdin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Said:
+class AgentLine:
     """A line an agent wrote, or None when its output ended."""
 
     head: int
@@ -43,8 +42,8 @@ class AgentProcess:
         Its head.
     command : sequence of str
         What to run.
-    heard : queue.Queue
-        Where the lines it writes are put, as `Said`.
+    hear : Callable
+        Takes the lines it writes, in a thread of its own.
     inherits : sequence of int
         Descriptors it has from us, by the same numbers.
     """
@@ -53,7 +52,7 @@ class AgentProcess:
         self,
         head: int,
         command: Sequence[str],
-        heard: queue.Queue[Said],
+        hear: Callable[[AgentLine], None],
         inherits: Sequence[int] = (),
     ) -> None:
         self.head = head
@@ -67,7 +66,7 @@ class AgentProcess:
             pass_fds=inherits,
         )
         # Daemon: a reader stuck on a pipe must not keep a crashed launcher alive.
-        self._reader = threading.Thread(target=self._read, args=(heard,), daemon=True)
+        self._reader = threading.Thread(target=self._read, args=(hear,), daemon=True)
         self._reader.start()
 
     @property
@@ -138,7 +137,7 @@ class AgentProcess:
         lines = self._errors.read()[-4096:].decode(errors="replace").strip().splitlines()
         return lines[-1].removeprefix(PREFIX) if lines else ""
 
-    def _read(self, heard: queue.Queue[Said]) -> None:
+    def _read(self, hear: Callable[[AgentLine], None]) -> None:
         pipe = self._process.stdout
         assert pipe is not None
         for raw in pipe:
@@ -147,8 +146,8 @@ class AgentProcess:
             except ValueError:
                 continue  # not ours: a library printed
             if isinstance(line, dict):
-                heard.put(Said(self.head, line))
-        heard.put(Said(self.head, None))
+                hear(AgentLine(self.head, line))
+        hear(AgentLine(self.head, None))
 
 
 def _signal_name(number: int) -> str:

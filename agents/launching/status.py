@@ -30,14 +30,14 @@ class AgentStatus:
     received_bytes: Mapping[str, int] = field(default_factory=dict)
     dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
     history: tuple[tuple[float, float], ...] = ()  # (elapsed s, best makespan s), improvements
-    entropy: float = 1.0  # of the plans it last told: 0 decided, 1 all alike
+    entropy: float = 1.0  # of the plans it last stated: 0 decided, 1 all alike
     note: str = ""
     again: str = ""  # how the process before it died; empty: it is the first
     stuck: bool = False  # the heads it hears cannot print everything
     agreeing_s: float | None = None  # from the end of planning, to the release in the end
 
 
-TOLD = (
+REPORTED = (
     "phase", "rounds", "best_makespan_s", "elapsed_s", "agreeing_s", "stuck", "entropy",
 )  # fmt: skip
 """Fields that an agent's lines of progress name alike."""

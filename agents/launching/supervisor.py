@@ -19,8 +19,15 @@ from typing import Any
 
 from agents.launching import limits
 from agents.launching.hearing import Hearing
-from agents.launching.processes import Said
-from agents.launching.status import TOLD, AgentStatus, Child, LaunchError, OnProgress, StartAgain
+from agents.launching.processes import AgentLine
+from agents.launching.status import (
+    REPORTED,
+    AgentStatus,
+    Child,
+    LaunchError,
+    OnProgress,
+    StartAgain,
+)
 from decmcts.search.sequence.stopping import Stopping
 
 _POLL_S = 0.1
@@ -36,13 +43,13 @@ class Supervisor:
         self,
         agents: Mapping[int, Child],
         names: tuple[str, ...],
-        heard: queue.Queue[Said],
+        heard: queue.Queue[AgentLine],
         *,
         stopping: Stopping,
         epoch: int,
+        elsewhere: Callable[[], Sequence[str]],
+        start_again: StartAgain,
         on_progress: OnProgress | None = None,
-        elsewhere: Callable[[], Sequence[str]] | None = None,
-        start_again: StartAgain | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._epochs = dict.fromkeys(agents, epoch)  # which incarnation of each head counts
@@ -56,7 +63,7 @@ class Supervisor:
         self._hearing = Hearing()
         assert stopping.seconds is not None  # agents plan by the clock
         self._limit_s, self._on_progress = stopping.seconds, on_progress
-        self._stopping, self._told_to_stop = stopping, False
+        self._stopping, self._is_stopped = stopping, False
         self._elsewhere, self._moves = elsewhere, 0  # fresh places to meet at
         self._places: tuple[str, ...] | None = None  # where all were sent last
         self._start_again = start_again
@@ -90,7 +97,7 @@ class Supervisor:
                 if self._stopping.is_asked():
                     self.stop()
             except KeyboardInterrupt:
-                if self._told_to_stop or self._stopping.is_asked():
+                if self._is_stopped or self._stopping.is_asked():
                     raise  # the second: whoever launched wants out
                 self.stop()
 
@@ -102,8 +109,8 @@ class Supervisor:
         LaunchError
             If an agent does not know all others yet: it would take them for lost.
         """
-        if not self._told_to_stop:
-            self._told_to_stop = True
+        if not self._is_stopped:
+            self._is_stopped = True
             self._over_at = self._over_at or self._clock()
             if not self._have_met():
                 raise LaunchError("stopped before the agents had found one another")
@@ -141,13 +148,13 @@ class Supervisor:
 
     def _listen(self) -> None:
         try:
-            said = self._heard.get(timeout=_POLL_S)
+            heard = self._heard.get(timeout=_POLL_S)
         except queue.Empty:
             return
-        if said.line is None:
-            self._end(said.head)
-        elif said.head not in self.fenced:
-            self._take(said.head, said.line)
+        if heard.line is None:
+            self._end(heard.head)
+        elif heard.head not in self.fenced:
+            self._take(heard.head, heard.line)
         if self._on_progress is not None:
             self._on_progress(tuple(self.status))
 
@@ -190,8 +197,8 @@ class Supervisor:
         best, history = line["best_makespan_s"], self.status[head].history
         if not history or best != history[-1][1]:
             history = (*history, (line["elapsed_s"], best))
-        told = {name: line[name] for name in TOLD} | line["traffic"]
-        self._update(head, live=tuple(line["live"]), history=history, **told)
+        reported = {name: line[name] for name in REPORTED} | line["traffic"]
+        self._update(head, live=tuple(line["live"]), history=history, **reported)
         if line["phase"] != "planning":
             self._over_at = self._over_at or self._clock()
 
@@ -224,7 +231,7 @@ class Supervisor:
             return
         agent, now = self._agents[head], self._clock()
         died = agent.died() and not self._is_over(now) and head not in self._again
-        if self._start_again is None or not died:
+        if not died:
             self.fence(head, "its process ended", ended=True)
             return
         ending = agent.ending()
@@ -278,7 +285,7 @@ class Supervisor:
 
     def _move(self) -> bool:
         """Have all agents meet elsewhere; False if they did so too often."""
-        if self._elsewhere is None or self._moves >= limits.MOST_MOVES:
+        if self._moves >= limits.MOST_MOVES:
             return False
         self._moves += 1
         self._moved_at = self._clock()
@@ -287,7 +294,7 @@ class Supervisor:
         return True
 
     def _group(self, head: int) -> set[int]:
-        """Return who plans together, as one head last said."""
+        """Return who plans together, as one head last stated."""
         return set(self.status[head].live) - self.fenced
 
     def _missing(self, head: int) -> set[int]:

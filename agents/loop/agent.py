@@ -14,46 +14,40 @@ from dataclasses import dataclass
 from typing import Protocol as Interface
 
 from agents.agreeing.events import (
-    DistributionReady,
     Effect,
     Event,
     Forget,
-    JointReady,
     Leave,
-    Left,
     LiveChanged,
     Note,
-    Offer,
-    PeerAppeared,
-    PeerGone,
+    Notice,
     Phase,
     PlanningEnded,
     PlanResolved,
     Propose,
-    Proposed,
-    Received,
-    Refused,
     Release,
     Resolve,
     RosterComplete,
     Send,
     Take,
     Tick,
-    Unfenced,
 )
 from agents.agreeing.protocol import Protocol
 from agents.loop.offers import Offers
 from agents.messages.codec import decode, encode, kind_of
 from agents.messages.kinds import (
+    DROPPABLE,
     MAX_SILENCE_TICKS,
     SILENCE_TICKS,
     Distribution,
     Envelope,
+    Joint,
     Message,
     MessageError,
     Plans,
+    Presence,
 )
-from agents.networks.transport import MALFORMED, Packet, Presence, Traffic, Transport
+from agents.networks.transport import MALFORMED, Packet, Traffic, Transport
 from agents.planners.planner import Planner
 from decmcts.errors import InputError
 
@@ -100,7 +94,7 @@ class FrontEnd(Interface):
     def progress(self, progress: Progress, traffic: Traffic) -> None:
         """Show where the agent stands."""
 
-    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+    def tell(self, effect: Notice) -> None:
         """Show one event worth a line."""
 
 
@@ -224,12 +218,12 @@ class Agent:
     def _share(self, now: float) -> None:
         if now - self._shared >= SHARE_S:
             self._shared = now
-            told = self._planner.distribution()
-            self._entropy = told.entropy
-            self._feed(DistributionReady(told))
+            own = self._planner.distribution()
+            self._entropy = own.entropy
+            self._feed(own)
         joint = self._planner.best_joint(self._live)
         if self._offers.is_worth_telling(joint, now):
-            self._feed(JointReady(joint))
+            self._feed(joint)
 
     def _get_stuck(self, error: InputError) -> None:
         # The live heads cannot print everything. Nothing to do but wait for the
@@ -282,8 +276,7 @@ class Agent:
 
     def _arrive(self, arrival: Packet | Presence) -> None:
         if isinstance(arrival, Presence):
-            kind = PeerAppeared if arrival.alive else PeerGone
-            self._feed(kind(arrival.head, arrival.epoch))
+            self._feed(arrival)
             return
         try:
             envelope = decode(arrival.payload, self._planner.most_symbols)
@@ -294,7 +287,7 @@ class Agent:
             self.drop(f"{MALFORMED} message of head {arrival.head}", str(error))
             return
         self.traffic.count_received(arrival.kind, len(arrival.payload))
-        self._feed(Received(envelope))
+        self._feed(envelope)
 
     def drop(self, reason: str, detail: str = "") -> None:
         """Count a message that is dropped; log the first of each reason."""
@@ -315,12 +308,10 @@ class Agent:
 
     def _do(self, effect: Effect) -> Event | None:
         match effect:
-            case Send(message, reliable):
-                self._send(message, reliable=reliable)
-            case Take(head, distribution):
-                self._take(head, distribution)
-            case Offer(head, joint):
-                self._offers.add(head, joint)
+            case Send(message):
+                self._send(message)
+            case Take(head, message):
+                self._take(head, message)
             case Forget(head):
                 self._planner.forget(head)
             case LiveChanged(live):
@@ -335,7 +326,7 @@ class Agent:
                 self.released = effect
                 self.show()
                 self._front.tell(effect)
-            case Note() | Refused() | Unfenced() | Left():
+            case _:
                 self._front.tell(effect)
         return None
 
@@ -343,15 +334,17 @@ class Agent:
         if self._agreeing_since is None:
             self._agreeing_since = self._clock()
         try:
-            best = self._planner.serial(live) if serial else self._planner.best(live)
+            return self._planner.serial(live) if serial else self._planner.best(live)
         except InputError as error:
             self._get_stuck(error)
             return None
-        return Proposed(live, best.plans, best.makespan_s, best.digest, serial)
 
-    def _take(self, head: int, distribution: Distribution) -> None:
+    def _take(self, head: int, message: Distribution | Joint) -> None:
+        if isinstance(message, Joint):  # judging it costs time: not each, and not at once
+            self._offers.add(head, message)
+            return
         try:
-            self._planner.take(head, distribution)
+            self._planner.take(head, message)
         except MessageError as error:
             self.drop(f"distribution of head {head} does not fit", str(error))
 
@@ -363,7 +356,7 @@ class Agent:
             return PlanResolved(live, claimed, "", 0.0)
         return PlanResolved(live, claimed, found.digest, found.makespan_s)
 
-    def _send(self, message: Message, *, reliable: bool) -> None:
+    def _send(self, message: Message) -> None:
         self._seq += 1
         try:
             payload = encode(Envelope.of(self._head, self._epoch, self._seq, message))
@@ -372,4 +365,4 @@ class Agent:
             return
         kind = kind_of(message)
         self.traffic.count_sent(kind, len(payload))
-        self._transport.send(kind, payload, reliable=reliable)
+        self._transport.send(kind, payload, reliable=not isinstance(message, DROPPABLE))

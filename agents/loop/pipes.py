@@ -19,7 +19,7 @@ import select
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -29,6 +29,7 @@ from agents.agreeing.events import (
     Leave,
     Left,
     Note,
+    Notice,
     PlanningEnded,
     Refused,
     Release,
@@ -40,6 +41,9 @@ from agents.networks.transport import Traffic
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 
+_NAMES: dict[type[Notice], str] = {
+    Note: "note", Refused: "refused", Unfenced: "unfenced", Release: "released", Left: "left",
+}  # fmt: skip
 _MAX_LINE = 65536
 _WATCH_MS = 100
 PULSE_S = 0.5
@@ -154,7 +158,7 @@ class PipeFront:
         """Say where the agent stands."""
         self.write({"event": "progress", **asdict(progress), "traffic": traffic.counts()})
 
-    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+    def tell(self, effect: Notice) -> None:
         """Say one event."""
         self.write(line_of(effect))
 
@@ -192,7 +196,7 @@ class TerminalFront:
     def progress(self, progress: Progress, traffic: Traffic) -> None:
         """Say nothing: the notes and the result are enough for a log."""
 
-    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+    def tell(self, effect: Notice) -> None:
         """Print one line."""
         match effect:
             case Note(text):
@@ -240,22 +244,14 @@ def parse_command(line: bytes) -> Event | Meet | None:
     return None
 
 
-def line_of(effect: Note | Refused | Unfenced | Release | Left) -> dict[str, Any]:
-    """Return an event as a JSON object."""
-    match effect:
-        case Note(text):
-            return {"event": "note", "text": text}
-        case Refused(head, reason):
-            return {"event": "refused", "head": head, "reason": reason}
-        case Unfenced(heads):
-            return {"event": "unfenced", "heads": list(heads)}
-        case Release():
-            return {
-                "event": "released",
-                "live": list(effect.live),
-                "digest": effect.digest,
-                "makespan_s": effect.makespan_s,
-                "plans": {str(h): effect.plans[h].tolist() for h in sorted(effect.plans)},
-            }
-        case Left(reason):
-            return {"event": "left", "reason": reason}
+def line_of(effect: Notice) -> dict[str, Any]:
+    """Return an event as a JSON object: its name, and its fields."""
+    line = {name: _plain(getattr(effect, name)) for name in effect.__dataclass_fields__}
+    return {"event": _NAMES[type(effect)], **line}
+
+
+def _plain(value: Any) -> Any:
+    """Return a field as JSON has it."""
+    if isinstance(value, Mapping):
+        return {str(head): value[head].tolist() for head in sorted(value)}
+    return list(value) if isinstance(value, tuple) else value

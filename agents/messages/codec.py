@@ -1,7 +1,8 @@
 """Messages to bytes and back: msgpack with limits, sequences packed.
 
-Wire form: one msgpack array `[kind, head, epoch, seq, *fields]`. Sequences are
-differences from one to the next, in the narrowest integer that holds them,
+Wire form: one msgpack array `[kind, head, epoch, seq, *fields]`, where fields are those of
+`agents.messages.kinds` in their order, each read by its type (`agents.messages.rows`).
+Sequences are differences from one to the next, in the narrowest integer that holds them,
 deflated: the candidates of one distribution share long runs, which
 deflate folds. `decode` is the only entry for bytes of others; whatever they
 hold it returns a valid message or raises `MessageError`, in bounded memory.
@@ -10,11 +11,12 @@ hold it returns a valid message or raises `MessageError`, in bounded memory.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeVar
 
 import msgpack
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.messages.kinds import (
     MAX_HEADS,
@@ -34,9 +36,9 @@ from agents.messages.kinds import (
     Plans,
     Proposal,
     Sequence32,
-    Stage,
     Stamp,
 )
+from agents.messages.rows import PLAIN, array, fields_of, integer, text
 
 MAX_MESSAGE_BYTES = 256 * 1024
 """Nothing larger is sent or unpacked; zenoh drops it even earlier."""
@@ -61,6 +63,9 @@ KINDS: dict[type[Message], str] = {
     Goodbye: "goodbye",
 }
 _LIMITS = {"joint": MAX_JOINT_BYTES}  # the others: MAX_MESSAGE_BYTES
+_MESSAGES = {word: kind for kind, word in KINDS.items()}
+_SEQUENCES, _PROBABILITIES = tuple[Sequence32, ...], NDArray[np.float64]
+M = TypeVar("M")
 
 
 def kind_of(message: Message) -> str:
@@ -78,7 +83,7 @@ def encode(envelope: Envelope) -> bytes:
     """
     stamp, message = envelope.stamp, envelope.message
     head = [kind_of(message), stamp.head, stamp.epoch, stamp.seq]
-    packed: bytes = msgpack.packb(head + _fields(message), use_bin_type=True)
+    packed: bytes = msgpack.packb(head + _row(message), use_bin_type=True)
     _require_size(kind_of(message), len(packed))
     return packed
 
@@ -98,11 +103,11 @@ def decode(data: bytes, most_symbols: int = MAX_SYMBOLS) -> Envelope:
         raise MessageError(f"{len(data)} bytes, limit {MAX_MESSAGE_BYTES}")
     try:
         items = _unpack(data)
-        kind, head, epoch, seq, *fields = items
-        reader = _READERS[_text(kind)]
-        _require_size(kind, len(data))
-        stamp = Stamp(_integer(head), _integer(epoch), _integer(seq))
-        return Envelope(stamp, reader(fields, min(most_symbols, MAX_SYMBOLS)))
+        word, head, epoch, seq, *fields = items
+        kind = _MESSAGES[text(word)]
+        _require_size(word, len(data))
+        stamp = Stamp(integer(head), integer(epoch), integer(seq))
+        return Envelope(stamp, _read(kind, fields, min(most_symbols, MAX_SYMBOLS)))
     except MessageError:
         raise
     except (ValueError, KeyError, TypeError, OverflowError, zlib.error, RecursionError) as error:
@@ -150,8 +155,8 @@ def pack_sequences(sequences: Sequence[Sequence32]) -> list[Any]:
 
 def unpack_sequences(packed: object, most: int = MAX_SYMBOLS) -> tuple[Sequence32, ...]:
     """Return what `pack_sequences` packed, if that is `most` symbols; raises MessageError."""
-    lengths, width, body = _list(packed, 3)
-    sizes = [_integer(n) for n in _list(lengths)]
+    lengths, width, body = array(packed, 3)
+    sizes = [integer(n) for n in array(lengths)]
     dtype = _WIDTHS[_below(width, len(_WIDTHS))]
     if any(n < 0 for n in sizes) or sum(sizes) > most:
         raise MessageError(f"sequences of {sum(sizes)} symbols, limit {most}")
@@ -182,149 +187,61 @@ def _narrowest(flat: np.ndarray[Any, np.dtype[np.int64]]) -> int:
     return next(w for w in range(4) if peak < 2 ** (8 * 2**w - 1))
 
 
-def _fields(message: Message) -> list[Any]:
-    match message:
-        case Hello():
-            return [message.problem, message.version, message.name, message.wants_answer]
-        case Distribution():
-            q = message.probabilities.astype("<f4").tobytes()
-            return [pack_sequences(message.sequences), q]
-        case Joint():
-            return [list(message.live), *_plan_fields(message.plans), message.makespan_s]
-        case Beat():
-            return [message.within]
-        case Proposal():
-            return _proposal_fields(message)
-        case Commit():
-            stage, heard = int(message.stage), list(message.heard)
-            return [list(message.live), message.digest, stage, message.term, heard]
-        case PlanRequest():
-            return [message.target, list(message.live), message.digest]
-        case PlanReply():
-            return [message.target, _proposal_fields(message.proposal)]
-        case Goodbye():
-            return [message.digest, message.reason]
+def _row(message: Message) -> list[Any]:
+    """Return the fields of a message as they travel; plans are two items, all else is one."""
+    row: list[Any] = []
+    for name, kind in fields_of(type(message)).items():
+        value = getattr(message, name)
+        if kind == Plans:
+            heads = sorted(value)
+            row += [heads, pack_sequences([value[h] for h in heads])]
+        elif kind == _SEQUENCES:
+            row.append(pack_sequences(value))
+        elif kind == _PROBABILITIES:
+            row.append(value.astype("<f4").tobytes())
+        else:
+            row.append(_row(value) if kind is Proposal else value)
+    return row
 
 
-def _proposal_fields(proposal: Proposal) -> list[Any]:
-    said = [proposal.makespan_s, proposal.digest, proposal.serial]
-    return [list(proposal.live), *_plan_fields(proposal.plans), *said]
+def _read(kind: type[M], row: object, most: int) -> M:
+    """Return the message whose fields a row holds, with `most` symbols of sequences in all."""
+    kinds = list(fields_of(kind).values())
+    items = iter(array(row, len(kinds) + kinds.count(Plans)))
+
+    def field_of(kind: Any) -> Any:
+        item = next(items)
+        if kind == Plans:
+            return _read_plans(item, next(items), most)
+        if kind == _SEQUENCES:
+            return unpack_sequences(item, most)
+        if kind == _PROBABILITIES:
+            return _read_probabilities(item)
+        return _read(Proposal, item, most) if kind is Proposal else PLAIN[kind](item)
+
+    return kind(*map(field_of, kinds))
 
 
-def _plan_fields(plans: Plans) -> list[Any]:
-    heads = sorted(plans)
-    return [heads, pack_sequences([plans[h] for h in heads])]
-
-
-def _read_hello(fields: list[Any], _: int) -> Hello:
-    problem, version, name, wants_answer = _list(fields, 4)
-    return Hello(_text(problem), _integer(version), _text(name), _bool(wants_answer))
-
-
-def _read_distribution(fields: list[Any], most: int) -> Distribution:
-    packed, q = _list(fields, 2)
-    if not isinstance(q, bytes) or len(q) % 4 or not 0 < len(q) <= 4 * MAX_SEQUENCES:
+def _read_probabilities(packed: object) -> NDArray[np.float64]:
+    if not isinstance(packed, bytes) or len(packed) % 4 or len(packed) > 4 * MAX_SEQUENCES:
         raise MessageError("probabilities are no float32 row")
+    row = np.frombuffer(packed, "<f4").astype(np.float64)
     # Checked in single precision as it came; normalised again in double.
-    row = np.frombuffer(q, "<f4").astype(np.float64)
-    message = Distribution(unpack_sequences(packed, most), row)
-    return Distribution(message.sequences, row / row.sum())
-
-
-def _read_proposal(fields: list[Any], most: int) -> Proposal:
-    live, heads, packed, makespan, digest, serial = _list(fields, 6)
-    plans = _read_plans(heads, packed, most)
-    return Proposal(_live(live), plans, _seconds(makespan), _text(digest), _bool(serial))
-
-
-def _read_joint(fields: list[Any], most: int) -> Joint:
-    live, heads, packed, makespan = _list(fields, 4)
-    return Joint(_live(live), _read_plans(heads, packed, most), _seconds(makespan))
+    if not np.isfinite(row).all() or abs(float(row.sum()) - 1.0) >= 1e-3:
+        raise MessageError("probabilities do not sum to 1")
+    return np.asarray(row / row.sum())
 
 
 def _read_plans(heads: object, packed: object, most: int) -> Plans:
-    owners = [_below(h, MAX_HEADS) for h in _list(heads)]
+    owners = [_below(h, MAX_HEADS) for h in array(heads)]
     sequences = unpack_sequences(packed, most)
     if len(set(owners)) != len(owners) or len(owners) != len(sequences):
         raise MessageError("plans and their heads do not match")
     return dict(zip(owners, sequences, strict=True))
 
 
-def _read_beat(fields: list[Any], _: int) -> Beat:
-    (within,) = _list(fields, 1)
-    return Beat(_integer(within))
-
-
-def _read_commit(fields: list[Any], _: int) -> Commit:
-    live, digest, stage, term, heard = _list(fields, 5)
-    terms = tuple(_integer(t) for t in _list(heard))
-    return Commit(_live(live), _text(digest), Stage(_integer(stage)), _integer(term), terms)
-
-
-def _read_request(fields: list[Any], _: int) -> PlanRequest:
-    target, live, digest = _list(fields, 3)
-    return PlanRequest(_integer(target), _live(live), _text(digest))
-
-
-def _read_reply(fields: list[Any], most: int) -> PlanReply:
-    target, proposal = _list(fields, 2)
-    return PlanReply(_integer(target), _read_proposal(_list(proposal), most))
-
-
-def _read_goodbye(fields: list[Any], _: int) -> Goodbye:
-    digest, reason = _list(fields, 2)
-    return Goodbye(_text(digest), _text(reason))
-
-
-_READERS: dict[str, Callable[[list[Any], int], Message]] = {
-    "hello": _read_hello,
-    "distribution": _read_distribution,
-    "joint": _read_joint,
-    "proposal": _read_proposal,
-    "commit": _read_commit,
-    "request": _read_request,
-    "reply": _read_reply,
-    "beat": _read_beat,
-    "goodbye": _read_goodbye,
-}
-
-
-def _list(value: object, length: int | None = None) -> list[Any]:
-    if not isinstance(value, list) or (length is not None and len(value) != length):
-        raise MessageError(f"expected an array of {length if length is not None else 'items'}")
-    return value
-
-
-def _integer(value: object) -> int:
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise MessageError(f"expected an integer, got {type(value).__name__}")
-    return value
-
-
-def _bool(value: object) -> bool:
-    if not isinstance(value, bool):
-        raise MessageError(f"expected true or false, got {type(value).__name__}")
-    return value
-
-
-def _seconds(value: object) -> float:
-    if not isinstance(value, float):
-        raise MessageError(f"expected seconds as a float, got {type(value).__name__}")
-    return value
-
-
 def _below(value: object, limit: int) -> int:
-    number = _integer(value)
+    number = integer(value)
     if not 0 <= number < limit:
         raise MessageError(f"{number} outside 0..{limit - 1}")
     return number
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise MessageError(f"expected text, got {type(value).__name__}")
-    return value
-
-
-def _live(value: object) -> tuple[int, ...]:
-    return tuple(_integer(head) for head in _list(value))

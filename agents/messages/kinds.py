@@ -66,6 +66,18 @@ class Stamp:
 
 
 @dataclass(frozen=True, slots=True)
+class Presence:
+    """The liveliness token of a head's incarnation is there (again), or has vanished.
+
+    It vanishes when the process died or left, or its lease ran out.
+    """
+
+    head: int
+    epoch: int
+    alive: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Hello:
     """I am here and hold this problem; nothing else is heard before it matches."""
 

@@ -16,7 +16,8 @@ from typing import Self
 
 import numpy as np
 
-from agents.networks.transport import Arrival, Packet, Presence
+from agents.messages.kinds import Presence
+from agents.networks.transport import Arrival, Packet
 
 
 @dataclass(frozen=True, slots=True)

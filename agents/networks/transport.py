@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, Self
 
+from agents.messages.kinds import Presence
+
 
 @dataclass(frozen=True, slots=True)
 class Packet:
@@ -19,15 +21,6 @@ class Packet:
     head: int
     kind: str
     payload: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Presence:
-    """A head's incarnation appeared or vanished."""
-
-    head: int
-    epoch: int
-    alive: bool
 
 
 Arrival = Packet | Presence

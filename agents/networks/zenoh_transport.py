@@ -23,9 +23,9 @@ import zenoh
 
 from agents.messages.codec import KINDS
 from agents.messages.keys import Keys
-from agents.messages.kinds import MessageError
+from agents.messages.kinds import MessageError, Presence
 from agents.messages.seal import ForgedError, Seal
-from agents.networks.transport import FORGED, STRANGE, Arrival, Packet, Presence
+from agents.networks.transport import FORGED, STRANGE, Arrival, Packet
 from agents.networks.zenoh_session import LEASE_MS, Endpoints, open_session
 from decmcts.errors import InputError
 

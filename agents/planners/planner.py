@@ -7,19 +7,9 @@ The agent loop (`agents.loop.agent`) sees only `Planner`; the computing is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
-from agents.messages.kinds import Distribution, Joint, Plans
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointProposal:
-    """A joint plan as sequences, with what it resolves to."""
-
-    plans: Plans
-    makespan_s: float
-    digest: str
+from agents.messages.kinds import Distribution, Joint, Plans, Proposal
 
 
 class Planner(Protocol):
@@ -60,17 +50,17 @@ class Planner(Protocol):
     def offer(self, plans: Plans, live: Sequence[int]) -> None:
         """Judge a peer's joint plan; keep it if it is the best here too."""
 
-    def best(self, live: Sequence[int]) -> JointProposal:
+    def best(self, live: Sequence[int]) -> Proposal:
         """Return the best joint plan known for the live heads."""
 
-    def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
+    def resolve(self, plans: Plans, live: Sequence[int]) -> Proposal:
         """Return what plans resolve to; the same, bit for bit, on every agent.
 
         Of plans that state a serial order, the digest is of that order alone, and
         the order is checked, not computed.
         """
 
-    def serial(self, live: Sequence[int]) -> JointProposal:
+    def serial(self, live: Sequence[int]) -> Proposal:
         """Return a joint plan that states who prints what in which order, one after the other.
 
         What agents agree on when the same plans resolve differently on their hosts.

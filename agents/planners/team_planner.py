@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
-from agents.messages.kinds import Distribution, Joint, MessageError, Plans, Sequence32
+from agents.messages.kinds import Distribution, Joint, MessageError, Plans, Proposal, Sequence32
 from agents.planners.pack import TEAM, Pack
-from agents.planners.planner import JointProposal
 from agents.planners.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts.parameters import RANGES, Parameters, changed
@@ -76,19 +76,19 @@ class TeamPlanner:
         self._require_known(plans.values())
         self._search.take_joint(plans, live)
 
-    def best(self, live: Sequence[int]) -> JointProposal:
+    def best(self, live: Sequence[int]) -> Proposal:
         """Return the best joint plan known for the live heads."""
         return self.resolve(self._search.best(live).plans, live)
 
-    def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
+    def resolve(self, plans: Plans, live: Sequence[int]) -> Proposal:
         """Return what plans resolve to; the same, bit for bit, on every agent."""
         self._require_known(plans.values())
         found = joint_order(self._team, plans, live)
-        return JointProposal(plans, found.makespan_s, found.digest)
+        return Proposal(tuple(live), plans, found.makespan_s, found.digest)
 
-    def serial(self, live: Sequence[int]) -> JointProposal:
+    def serial(self, live: Sequence[int]) -> Proposal:
         """Return a joint plan that states who prints what in which order."""
-        return self.resolve(serial_plans(self._team, live), live)
+        return replace(self.resolve(serial_plans(self._team, live), live), serial=True)
 
     def _require_known(self, sequences: Iterable[Sequence32]) -> None:
         """Raise MessageError for a plan that this problem can't have."""

@@ -20,7 +20,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from agents.running.port import Abort, Alive, Command, Pause, Ready, Release, Resume, Said, Start
+from agents.running.port import (
+    Abort,
+    Alive,
+    Command,
+    Pause,
+    Ready,
+    Release,
+    Resume,
+    Start,
+    Statement,
+)
 from agents.running.report import NOTHING, Reached, Report, newer
 from decmcts.print.plan import After, HeadActions, JointPlan
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
@@ -76,9 +86,9 @@ class Carrier:
         """Take a plan to be carried out behind those before."""
         self.plans[plan.number] = plan
 
-    def take_said(self, said: Said) -> None:
-        """Take what the controller says."""
-        match said:
+    def take_statement(self, stated: Statement) -> None:
+        """Take what the controller states."""
+        match stated:
             case Ready(number, digest):
                 if (number, digest) == self._starting:
                     self.number, self.reached, self.released = number, Reached(), 0
@@ -88,19 +98,19 @@ class Carrier:
             case Alive(_, at):
                 self.at = at
             case PrintEvent():
-                self.event, self.at = said, said.at
-                if said.kind is EventKind.FAILED:
+                self.event, self.at = stated, stated.at
+                if stated.kind is EventKind.FAILED:
                     self.off = True
-                elif said.action != NO_ACTION:
-                    self.reached = self.reached.after(said)
+                elif stated.action != NO_ACTION:
+                    self.reached = self.reached.after(stated)
 
     def take_report(self, report: Report) -> None:
-        """Take what another head tells."""
+        """Take what another head reports."""
         if report.head != self.head:
             self.reports[report.head] = newer(self.reports.get(report.head), report)
 
     def hold(self) -> None:
-        """Release no more until limits are told."""
+        """Release no more until limits are stated."""
         self.holding = True
 
     def take_limit(self, number: int, until: int) -> None:
@@ -166,7 +176,7 @@ class Carrier:
         return found
 
     def report(self) -> Report:
-        """Return what the others are told now."""
+        """Return what is reported to the others now."""
         self.seq += 1
         return Report(
             self.head, self.seq, self.number, self.held, self.reached, self.event, self.off

@@ -8,21 +8,18 @@ ends of the agent's pipes, so that it can have the controller finish and start a
 from __future__ import annotations
 
 import os
-import queue
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from agents.launching.processes import PIPED, AgentProcess
-from agents.launching.processes import Said as AgentSaid
+from agents.launching.processes import PIPED, AgentLine, AgentProcess
 from agents.networks.meeting import Meeting
-from agents.running.port import Finish, Pipe, Said, pack_command, write_all
+from agents.running.port import Finish, Pipe, Statement, pack, write_all
 
 RUNNER = (sys.executable, "-P", "-m", "agents.runner", PIPED)
 _END_S = 2.0
@@ -30,10 +27,10 @@ _END_S = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recorded:
-    """What a controller said, None when its record ended."""
+    """What a controller stated, None when its record ended."""
 
     head: int
-    said: Said | None
+    statement: Statement | None
 
 
 class HeadProcesses:
@@ -45,12 +42,12 @@ class HeadProcesses:
         Its place in the plan.
     controller : sequence of str
         The command of its controller; `--record` and a descriptor are added.
-    heard : queue.Queue
-        Where what both say is put, as `processes.Said` and `Recorded`.
+    hear : Callable
+        Takes what both state, in threads of its own.
     """
 
     def __init__(
-        self, head: int, controller: Sequence[str], heard: queue.Queue[AgentSaid | Recorded]
+        self, head: int, controller: Sequence[str], hear: Callable[[AgentLine | Recorded], None]
     ) -> None:
         self.head = head
         asks, to = os.pipe()
@@ -60,16 +57,15 @@ class HeadProcesses:
             [*controller, "--record", str(keeps)], stdin=asks, stdout=says, pass_fds=[keeps],
             start_new_session=True,
         )  # fmt: skip
-        self._ends, self._heard = (to, of), heard
+        self._ends, self._hear = (to, of), hear
         self._start_agent()
         for descriptor in (asks, says, keeps):
             os.close(descriptor)
-        self._reader = threading.Thread(target=self._read, args=(record, heard), daemon=True)
+        self._reader = threading.Thread(target=self._read, args=(record,), daemon=True)
         self._reader.start()
 
     def _start_agent(self) -> None:
-        heard: Any = self._heard  # of more than an agent's lines
-        self.agent = AgentProcess(self.head, RUNNER, heard, inherits=self._ends)
+        self.agent = AgentProcess(self.head, RUNNER, self._hear, inherits=self._ends)
 
     def restart(self) -> None:
         """Start another agent in the place of one that is gone, or is ended here."""
@@ -81,7 +77,7 @@ class HeadProcesses:
 
     def finish(self, why: str) -> None:
         """Have the controller be off behind the action it is at, in the place of a dead agent."""
-        write_all(self._ends[0], pack_command(Finish(why)))
+        write_all(self._ends[0], pack(Finish(why)))
 
     @property
     def controller_pid(self) -> int:
@@ -113,10 +109,10 @@ class HeadProcesses:
         self._controller.wait()
         self._reader.join(_END_S)
 
-    def _read(self, record: int, heard: queue.Queue[AgentSaid | Recorded]) -> None:
+    def _read(self, record: int) -> None:
         pipe = Pipe(record)
         while pipe.open:
-            for said in pipe.said():
-                heard.put(Recorded(self.head, said))
+            for statement in pipe.statements():
+                self._hear(Recorded(self.head, statement))
         os.close(record)
-        heard.put(Recorded(self.head, None))
+        self._hear(Recorded(self.head, None))

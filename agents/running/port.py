@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 import msgpack
 
 from agents.messages.event_stream import MOST_BYTES, event_of
+from agents.messages.rows import read_row
 from decmcts.print.print_events import PrintEvent
 
 MOST_WAITING = 1 << 20  # bytes of one pipe that are kept
@@ -87,26 +88,20 @@ class Finish:
 
 
 Command = Start | Release | Pause | Resume | Abort | Finish
+Statement = PrintEvent | Ready | Alive
 _COMMANDS: dict[str, type[Command]] = {
     "start": Start, "release": Release, "pause": Pause, "resume": Resume, "abort": Abort,
     "finish": Finish,
 }  # fmt: skip
-_WORDS = {kind: word for word, kind in _COMMANDS.items()}
-Said = PrintEvent | Ready | Alive
+_STATED: dict[str, type[Ready | Alive]] = {"ready": Ready, "alive": Alive}
+_WORDS = {kind: word for word, kind in (*_COMMANDS.items(), *_STATED.items())}
 T = TypeVar("T")
 
 
-def pack_command(command: Command) -> bytes:
-    """Return the bytes of a command."""
-    fields = [getattr(command, name) for name in command.__dataclass_fields__]
-    return bytes(msgpack.packb([_WORDS[type(command)], *fields]))
-
-
-def pack_said(said: Ready | Alive) -> bytes:
-    """Return the bytes of what a controller says besides events."""
-    if isinstance(said, Ready):
-        return bytes(msgpack.packb(["ready", said.number, said.digest]))
-    return bytes(msgpack.packb(["alive", said.time_s, list(said.at)]))
+def pack(stated: Command | Ready | Alive) -> bytes:
+    """Return the bytes of a command, or of what a controller states besides events."""
+    fields = [getattr(stated, name) for name in stated.__dataclass_fields__]
+    return bytes(msgpack.packb([_WORDS[type(stated)], *fields]))
 
 
 class Pipe:
@@ -120,9 +115,9 @@ class Pipe:
             max_bin_len=0, max_ext_len=0,
         )  # fmt: skip
 
-    def said(self) -> Iterator[Said]:
-        """Yield what a controller says; waits where the descriptor does."""
-        return self._read(said_of)
+    def statements(self) -> Iterator[Statement]:
+        """Yield what a controller states; waits where the descriptor does."""
+        return self._read(statement_of)
 
     def commands(self) -> Iterator[Command]:
         """Yield what an agent asks; waits where the descriptor does."""
@@ -146,31 +141,19 @@ class Pipe:
             self.open = False
 
 
-def said_of(found: Any) -> Said:
-    """Return what a controller said; raises ValueError for anything else."""
+def statement_of(found: Any) -> Statement:
+    """Return what a controller states; raises ValueError for anything else."""
     match found:
-        case ["ready", int(number), str(digest)]:
-            return Ready(number, digest)
-        case ["alive", float(time_s), [float(x), float(y), float(z)]]:
-            return Alive(time_s, (x, y, z))
+        case [str(word), *fields] if word in _STATED:
+            return read_row(_STATED[word], fields)
     return event_of(found)
 
 
 def command_of(found: Any) -> Command:
     """Return a command; raises ValueError for anything else."""
     match found:
-        case ["start", int(number), str(path), str(digest)]:
-            return Start(number, path, digest)
-        case ["release", int(number), int(until)]:
-            return Release(number, until)
-        case ["pause"]:
-            return Pause()
-        case ["resume"]:
-            return Resume()
-        case ["abort", str(why)]:
-            return Abort(why)
-        case ["finish", str(why)]:
-            return Finish(why)
+        case [str(word), *fields] if word in _COMMANDS:
+            return read_row(_COMMANDS[word], fields)
     raise ValueError(f"{found!r:.80} is no command")
 
 

@@ -24,7 +24,7 @@ EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for ea
 
 
 def compute(name: str, key: Key) -> Row:
-    """Make one run of an experiment and return its row; what is refused is said in `error`."""
+    """Make one run of an experiment and return its row; why it is refused stands in `error`."""
     began = time.process_time()
     try:
         if key["version"] != __version__:
@@ -33,9 +33,9 @@ def compute(name: str, key: Key) -> Row:
         error = ""
     except (InputError, VerificationError) as refused:
         found, error = {}, " ".join(str(refused).split())
-    said = {field: value for field, value in key.items() if field != "folder"}
+    asked = {field: value for field, value in key.items() if field != "folder"}
     return {
-        **said, **found, "cpu_s": round(time.process_time() - began, 2),
+        **asked, **found, "cpu_s": round(time.process_time() - began, 2),
         "python": platform.python_version(), "numpy": version("numpy"), "numba": version("numba"),
         "error": error,
     }  # fmt: skip

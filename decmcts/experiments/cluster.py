@@ -27,9 +27,9 @@ def cluster_at(address: str) -> Iterator[Executor]:
     try:
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
-        said = " ".join(str(error).split())
+        why = " ".join(str(error).split())
         raise InputError(
-            f"no cluster at {address}: {said}", advice="name its scheduler: tcp://HOST:8786"
+            f"no cluster at {address}: {why}", advice="name its scheduler: tcp://HOST:8786"
         ) from error
     with client:
         yield client.get_executor()

@@ -18,7 +18,6 @@ from decmcts.experiments.baselines import annealing, one_tree
 from decmcts.experiments.in_memory import agreed, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import boxes, figure
-from decmcts.experiments.prints import names_of
 from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
 from decmcts.experiments.teams import Plan, figures, given, in_one_process, planned
 from decmcts.experiments.two_heads import machine_for
@@ -60,7 +59,7 @@ class Follower(TeamPlanner):
 
 
 def _runs(asked: Asked) -> Iterator[Key]:
-    for name in names_of(asked.prints, MADE):
+    for name in asked.prints or MADE:
         for planner in PLANNERS:
             yield {"print": name, "setting": "equal time", "planner": planner, "loss": 0.0,
                    "delay_s": 0.0}  # fmt: skip

@@ -29,7 +29,7 @@ from agents.planners.team_planner import TeamPlanner
 from decmcts.experiments.in_memory import Agreed, agreed, rounds_of, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure
-from decmcts.experiments.prints import names_of, print_file
+from decmcts.experiments.prints import print_file
 from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
 from decmcts.experiments.stopped import log_until
 from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
@@ -71,7 +71,7 @@ VICTIM = 0  # the head that fails
 
 
 def _runs(asked: Asked) -> Iterator[Key]:
-    for name in names_of(asked.prints, MADE):
+    for name in asked.prints or MADE:
         for heads in range(2, int(HEADS[asked.full]) + 1):
             for loss, delay_s in LOSSES:
                 for killed in KILLED:

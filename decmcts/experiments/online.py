@@ -174,11 +174,11 @@ def _old(stopped: Stopped, team: TeamProblem) -> Old:
 def _lines(rows: Sequence[Line]) -> list[Line]:
     """Return the rows of each way, with its print time over those of others."""
     return [
-        {**row, "way": said, "over_best": _over(row, name, "best_s"),
+        {**row, "way": words, "over_best": _over(row, name, "best_s"),
          "over_retimed": _over(row, name, f"{RETIMED}_s"),
          "over_central": _over(row, name, "central_s"), "over_bound": _over(row, name, "bound_s"),
          "over_going_on": _over(row, name, "going_on_s"), "cpu": row[f"{name}_cpu_s"]}
-        for row in rows if not row["error"] for name, said in WAYS.items()
+        for row in rows if not row["error"] for name, words in WAYS.items()
     ]  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure
-from decmcts.experiments.prints import names_of, print_file, shown
+from decmcts.experiments.prints import print_file, shown
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.planning.options import Freedom, Objective, ProcessOrder, Rules
@@ -54,7 +54,7 @@ CURVE = 60  # points of a curve that are kept
 
 
 def _runs(asked: Asked) -> Iterator[Key]:
-    prints = names_of(asked.prints, MADE)
+    prints = asked.prints or MADE
     for name in prints:
         for method in METHODS:
             yield _key(name, method, METHODS[method])

@@ -61,11 +61,6 @@ def own_prints(folder: Path) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def names_of(prints: Sequence[str], made: Sequence[str]) -> list[str]:
-    """Return the names of one's own prints, or of those made by code where there are none."""
-    return list(prints) or list(made)
-
-
 def _made(word: str, numbers: Sequence[int], middle: Point) -> str:
     if word == "row":
         count, size, gap = numbers

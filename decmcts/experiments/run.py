@@ -179,10 +179,10 @@ def _make(
             for done, future in enumerate(as_completed(futures), 1):
                 row = future.result()
                 rows.append(row)
-                said = " ".join(str(row[name]) for name in chosen.key)
+                which = " ".join(str(row[name]) for name in chosen.key)
                 if row["error"]:
-                    report(Note(f"{said}: {row['error']}"))
-                report(Step(f"{chosen.name}: {said} is done", done, len(missing)))
+                    report(Note(f"{which}: {row['error']}"))
+                report(Step(f"{chosen.name}: {which} is done", done, len(missing)))
         finally:
             for future in futures:
                 future.cancel()

@@ -20,7 +20,7 @@ from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.pipeline import lags_of
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
+from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
@@ -95,7 +95,9 @@ def planned(what: Given, key: Key, by: Plan = in_one_process) -> tuple[PlanDocum
 
 def exact(what: Given, toolpaths: tuple[Toolpath, ...]) -> PlanDocument:
     """Return the exact plan of toolpaths; raises VerificationError unless the judge passes it."""
-    document = document_of(what.problem, _scheduled(what, what.problem.machine, toolpaths), {})
+    problem = what.problem
+    plan = schedule(problem.job, problem.machine, problem.graph, toolpaths, lags=what.lags)
+    document = document_of(problem, plan, {})
     require_passed(verify_plan(document, source=what.whole.job))
     return document
 
@@ -112,11 +114,6 @@ def alone_s(what: Given, key: Key) -> float:
     lags = what.lags if what.problem.whole is None else lags_of(whole, source_plan(whole))
     plan = schedule(whole.job, machine, whole.graph, [order.toolpath], lags=lags)
     return plan.makespan_s
-
-
-def _scheduled(what: Given, machine: Machine, toolpaths: tuple[Toolpath, ...]) -> JointPlan:
-    problem = what.problem
-    return schedule(problem.job, machine, problem.graph, toolpaths, lags=what.lags)
 
 
 def bound_s(what: Given) -> float:

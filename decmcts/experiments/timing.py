@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import curve, figure
-from decmcts.experiments.prints import names_of, shown
+from decmcts.experiments.prints import shown
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.teams import given, planned
 from decmcts.experiments.two_heads import machine_for
@@ -34,7 +34,7 @@ PLANNED = ("print", "folder", "seconds", "iterations", "seed")  # what a plan de
 
 
 def _runs(asked: Asked) -> Iterator[Key]:
-    for name in names_of(asked.prints, MADE):
+    for name in asked.prints or MADE:
         for timing in KINDS:
             for error in ERRORS:
                 draws = 1 if error == 0.0 else int(DRAWS[asked.full])

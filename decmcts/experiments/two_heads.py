@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import curve, figure
-from decmcts.experiments.prints import Point, is_own, names_of, shown
+from decmcts.experiments.prints import Point, is_own, shown
 from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.teams import COLUMNS, against_one_head, columns_of, given, planned
 from decmcts.formats.machines.machine_file import load_machine
@@ -30,7 +30,7 @@ def _runs(asked: Asked) -> Iterator[Key]:
         for count, size, gap in product(counts, sizes, gaps)
         if count * (size + gap + 8) < BED_MM - 60.0
     ]
-    for name in dict.fromkeys(names_of(asked.prints, made)):
+    for name in dict.fromkeys(asked.prints or made):
         for cut in (Cut.NONE, Cut.INSIDE):
             yield {"print": name, "cut": cut.value}
 

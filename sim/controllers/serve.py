@@ -35,7 +35,7 @@ from agents.running.port import (
     Release,
     Resume,
     Start,
-    pack_said,
+    pack,
     write_all,
 )
 from decmcts.formats.plans.plan_json import read_plan
@@ -81,7 +81,7 @@ class Controller:
                 return
             if time.monotonic() - self.alive_at > ALIVE_S:
                 self.alive_at = time.monotonic()
-                self._say(pack_said(Alive(now_s, feeding.at(now_s))))
+                self._say(pack(Alive(now_s, feeding.at(now_s))))
 
     def _hear(self) -> None:
         """Take what the agent asks; wait for it until something happens."""
@@ -101,7 +101,7 @@ class Controller:
             case Start(number, path, digest) if not self.aborted:
                 self._start(number, Path(path))
                 self.heard_at = time.monotonic()  # that took a while
-                self._say(pack_said(Ready(number, digest)))
+                self._say(pack(Ready(number, digest)))
             case Release(number, until) if feeding is not None and number == self.number:
                 feeding.release(until, now_s)
             case Pause():

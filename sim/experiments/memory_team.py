@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.agreeing.events import Event, Fenced, Left, Note, Refused, Release, Unfenced
+from agents.agreeing.events import Event, Fenced, Notice, Release
 from agents.loop.agent import Agent, Meet, Progress
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
@@ -24,7 +24,7 @@ class Recorder:
 
     def __init__(self) -> None:
         self.asked: list[Event | Meet] = []
-        self.told: list[Note | Refused | Unfenced | Release | Left] = []
+        self.told: list[Notice] = []
 
     def commands(self) -> list[Event | Meet]:
         """Return what is asked, once."""
@@ -35,7 +35,7 @@ class Recorder:
         """Keep the last progress."""
         self.last = progress
 
-    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+    def tell(self, effect: Notice) -> None:
         """Keep what is told."""
         self.told.append(effect)
 

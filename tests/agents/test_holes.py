@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,9 +11,18 @@ from agents.agreeing.agreement import STALLED_TICKS
 from agents.agreeing.events import Fenced, Note, Phase, Refused, Release, Unfenced
 from agents.loop.agent import TICK_S
 from agents.messages.codec import encode, kind_of
-from agents.messages.kinds import VERSION, Envelope, Hello, Joint, Message, PlanReply, Proposal
+from agents.messages.kinds import (
+    VERSION,
+    Envelope,
+    Hello,
+    Joint,
+    Message,
+    PlanReply,
+    Presence,
+    Proposal,
+)
 from agents.networks.memory import Weather
-from agents.networks.transport import Packet, Presence
+from agents.networks.transport import Packet
 from tests.agents.simulation import Team
 
 STORM = Weather(loss=0.3, delay_s=(0.0, 0.4), duplicate=0.3)
@@ -61,7 +72,7 @@ def test_a_head_that_accepts_no_order_at_all_is_refused_by_name() -> None:
 
     def unlike(plans, live):  # type: ignore[no-untyped-def]
         found = honest(plans, live)
-        return type(found)(found.plans, found.makespan_s, found.digest[::-1])
+        return replace(found, digest=found.digest[::-1])
 
     planner.resolve = unlike
     team.run(4.0)

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from agents.messages.kinds import Distribution, Joint, MessageError, Plans
-from agents.planners.planner import JointProposal
+from agents.messages.kinds import Distribution, Joint, MessageError, Plans, Proposal
 from decmcts.errors import InputError
 
 
@@ -62,7 +62,7 @@ class ToyPlanner:
         self.most_symbols = (len(self.names) + 10) * (jobs + 1)
         self._rng = np.random.default_rng([seed, head])
         self._others: dict[int, Distribution] = {}
-        self._best: dict[tuple[int, ...], JointProposal] = {}
+        self._best: dict[tuple[int, ...], Proposal] = {}
         self._own: list[np.ndarray] = []
 
     def iterate(self, live: Sequence[int], spent: float) -> None:
@@ -99,17 +99,17 @@ class ToyPlanner:
         if found.makespan_s < self.best(live).makespan_s:
             self._best[tuple(live)] = found
 
-    def serial(self, live: Sequence[int]) -> JointProposal:
+    def serial(self, live: Sequence[int]) -> Proposal:
         jobs = np.arange(len(self.lengths) + 1, dtype=np.int32)
-        return self.resolve({min(live): np.roll(jobs, 1)}, live)
+        return replace(self.resolve({min(live): np.roll(jobs, 1)}, live), serial=True)
 
-    def best(self, live: Sequence[int]) -> JointProposal:
+    def best(self, live: Sequence[int]) -> Proposal:
         key = tuple(live)
         if key not in self._best:
             self._best[key] = self.resolve({}, live)
         return self._best[key]
 
-    def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
+    def resolve(self, plans: Plans, live: Sequence[int]) -> Proposal:
         self._check(plans.values())
         if self.needed is not None and self.needed not in live:
             raise InputError(f"only {self.names[self.needed]} can do job 0")
@@ -117,13 +117,13 @@ class ToyPlanner:
         if stated is not None:
             blob = np.array([*sorted(live), *stated], np.int32).tobytes()
             makespan = float(self.lengths.sum())
-            return JointProposal(plans, makespan, hashlib.sha256(blob).hexdigest()[:32])
+            return Proposal(tuple(live), plans, makespan, hashlib.sha256(blob).hexdigest()[:32])
         done, makespan = load_balance(self.lengths, plans, live)
         rows = {h: np.array(jobs, np.int32) for h, jobs in done.items()}
         blob = self.quirk.encode() + b"".join(
             np.array([h, len(r)], np.int32).tobytes() + r.tobytes() for h, r in rows.items()
         )
-        return JointProposal(rows, makespan, hashlib.sha256(blob).hexdigest()[:32])
+        return Proposal(tuple(live), rows, makespan, hashlib.sha256(blob).hexdigest()[:32])
 
     def _serial_of(self, plans: Plans) -> list[int] | None:
         for _, plan in sorted(plans.items()):

@@ -59,7 +59,7 @@ class Trial:
     def until(self, time_s: float) -> None:
         """Wait for a time of the print."""
         assert self.launcher is not None
-        while self.launcher.clock.now() < time_s and not self._over.wait(0.002):
+        while self.launcher.team.clock.now() < time_s and not self._over.wait(0.002):
             pass
 
     def _report(self, event: Event) -> None:
@@ -155,7 +155,7 @@ def test_a_person_fences_a_lost_controller(made: Made, number: int) -> None:
         os.kill(controller, number)
         assert trial.failed.wait(30.0)
         assert trial.launcher is not None
-        trial.until(trial.launcher.clock.now() + 20.0)
+        trial.until(trial.launcher.team.clock.now() + 20.0)
         trial.asked.put("fenced nobody park")
         trial.asked.put("fenced right park")
 

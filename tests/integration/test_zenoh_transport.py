@@ -21,8 +21,9 @@ import zenoh
 from agents.launching.places import Places, free_ports
 from agents.messages.codec import KINDS, MAX_MESSAGE_BYTES
 from agents.messages.keys import Keys
+from agents.messages.kinds import Presence
 from agents.messages.seal import Seal
-from agents.networks.transport import Arrival, Packet, Presence
+from agents.networks.transport import Arrival, Packet
 from agents.networks.zenoh_session import LEASE_MS, Endpoints, configured
 from agents.networks.zenoh_transport import QUEUE_BYTES, ZenohTransport, ring_size, stood_still
 from decmcts.errors import InputError

@@ -14,13 +14,13 @@ PARKED, SLOWEST = "park", 10.0
 
 
 def fenced_places(
-    said: Sequence[str], machine: Machine, state: PrintState, *, seen: bool
+    stated: Sequence[str], machine: Machine, state: PrintState, *, seen: bool
 ) -> dict[str, Point]:
     """Return the heads that print no more, and where each stands.
 
     Parameters
     ----------
-    said : Sequence[str]
+    stated : Sequence[str]
         Heads as ``NAME``, ``NAME=park`` or ``NAME=X,Y,Z``. Those that failed by the events need
         not be named; where they stand now may be.
     seen : bool
@@ -35,7 +35,7 @@ def fenced_places(
     last = dict(parks) if seen else {}
     last |= {head.head: head.at for head in state.heads if seen and head.at is not None}
     places = {name: last[name] for name in state.failed}
-    for text in said:
+    for text in stated:
         name, has_place, place = text.partition("=")
         _refuse_unknown("--fenced", text, name, machine)
         if has_place:
@@ -50,7 +50,7 @@ def fenced_places(
     return places
 
 
-def late_heads(said: Sequence[str], machine: Machine) -> dict[str, float]:
+def late_heads(stated: Sequence[str], machine: Machine) -> dict[str, float]:
     """Return the heads that are late, by ``NAME=FACTOR``: how many times as long they take.
 
     Raises
@@ -59,7 +59,7 @@ def late_heads(said: Sequence[str], machine: Machine) -> dict[str, float]:
         For heads the machine has not, and factors that are none.
     """
     found = dict[str, float]()
-    for text in said:
+    for text in stated:
         name, _, factor = text.partition("=")
         _refuse_unknown("--slower", text, name, machine)
         try:

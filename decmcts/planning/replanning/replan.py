@@ -137,13 +137,13 @@ def rest_of(
     left = left_out(document, left_open, _able(document, job, machine))
     stretches = _to_print(document, job, left_open & ~left.rows, broken)
     if not stretches:
-        raise InputError(left.said(document.contours) or "nothing is left to print")
+        raise InputError(left.stated(document.contours) or "nothing is left to print")
     anew = _written(source, machine, stretches, report)
     printed = printed_contours(document, state, broken)
     alone = replace(
         anew.job, name=job.name, printed=printed, fenced=Fenced(whole, at) if at else None
     )
-    done, missing = int(state.done.sum()), left.said(document.contours)
+    done, missing = int(state.done.sum()), left.stated(document.contours)
     return Rest(replace(anew, job=alone), left, tuple(broken), done, missing)
 
 
@@ -252,12 +252,8 @@ def rest_problem(rest: Rest, rules: Rules, report: Report = unheard) -> PrintPro
     InputError
         When the rest cannot be planned.
     """
-    problem = team_problem(rest.source, rules, report)
-    return replace(problem, job=_beside_printed(problem.job, rest))
-
-
-def _beside_printed(job: PrintJob, rest: Rest) -> PrintJob:
-    """Return the job with what is not as in the whole print; a safe order made anew has lost it."""
-    whole = rest.source.job
-    notes = (*job.notes, *rest.lines, HOMES)
-    return replace(job, printed=whole.printed, fenced=whole.fenced, notes=notes)
+    problem, whole = team_problem(rest.source, rules, report), rest.source.job
+    notes = (*problem.job.notes, *rest.lines, HOMES)
+    # A safe order that was made anew has lost what stands on the bed.
+    job = replace(problem.job, printed=whole.printed, fenced=whole.fenced, notes=notes)
+    return replace(problem, job=job)

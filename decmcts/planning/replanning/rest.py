@@ -164,9 +164,8 @@ class LeftOut:
 
     rows: NDArray[np.bool_]  # (n,) all of them
     apart: NDArray[np.bool_]  # (n,) those that no living head can print
-    why: str = ""
 
-    def said(self, contours: Contours) -> str:
+    def stated(self, contours: Contours) -> str:
         """Return a line on what is missing; empty: nothing is."""
         if not self.rows.any():
             return ""
@@ -177,7 +176,7 @@ class LeftOut:
         which = f", and {behind} that come after those" if behind else ""
         return (
             f"{int(self.rows.sum())} contours are not finished ({where}): "
-            f"{int(self.apart.sum())} {self.why}{which}"
+            f"{int(self.apart.sum())} that no living head reaches, or has the tool for{which}"
         )
 
 
@@ -200,15 +199,14 @@ def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.b
             if rest[b] and not rows[b]:
                 rows[b] = True
                 stack.append(b)
-    return LeftOut(rows, apart, "that no living head reaches, or has the tool for")
+    return LeftOut(rows, apart)
 
 
 def printed_contours(
     document: PlanDocument, state: PrintState, broken: Sequence[Broken]
 ) -> Contours | None:
     """Return what stands on the bed; of a bead that is finished but what is printed."""
-    done = state.done.copy()
-    found = document.printed
+    done, found = state.done.copy(), document.printed
     for one in broken:
         if one.rest:  # its printed part ends where the rest begins, no higher than that
             done[one.contour] = False

@@ -1,4 +1,4 @@
-"""How a plan is carried out, and what is said of it while it is."""
+"""How a plan is carried out, and what is shown of it while it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the controllers of a run said, plan by plan.
+"""What the controllers of a run stated, plan by plan.
 
 What follows from it: where heads were, what is printed, who waited. Nothing here asks an agent: a
 controller's own words are what happened.
@@ -42,7 +42,7 @@ class Wait:
 
 @dataclass(slots=True)
 class Carried:
-    """One plan of a run, and what was said while it was carried out."""
+    """One plan of a run, and what controllers stated while it was carried out."""
 
     number: int
     document: PlanDocument
@@ -79,10 +79,14 @@ class Carried:
         events = tuple(sorted([*self.events, *stood], key=lambda event: event.time_s))
         return EventLog(self.document.problem, names, events)
 
+    def events_of(self, head: int) -> list[PrintEvent]:
+        """Return the events of a head of the first plan; none where it is not in this one."""
+        place = self.heads.index(head) if head in self.heads else -1
+        return [event for event in self.events if event.head == place]
+
     def last(self, head: int) -> PrintEvent | None:
-        """Return a head's last word."""
-        place = self.heads.index(head)
-        return next((e for e in reversed(self.events) if e.head == place), None)
+        """Return the last event of a head."""
+        return next(reversed(self.events_of(head)), None)
 
     def state(self, head: int) -> HeadState:
         """Return how far a head came; one that goes on, to where it goes on."""
@@ -99,7 +103,7 @@ class Carried:
         """Take a person's word where a head stopped; False where it cannot have stopped there.
 
         The nozzle is at most `SEEN_MM` from the path of the action it had begun, not behind what
-        it had passed. Where it had begun none, or has said where it stopped, nothing is missing.
+        it had passed. Where it had begun none, or has stated where it stopped, nothing is missing.
         """
         place = self.heads.index(head)
         actions, state = self.document.plan.heads[place], self.state(head)
@@ -170,6 +174,20 @@ class _Moves:
         self.points.append(points[1:])
         self.columns.append(columns)
 
+    def add_action(self, work: Work, begun: PrintEvent, last: PrintEvent | None = None) -> None:
+        """Add the moves of an action: to its end, to where its head failed, or as planned."""
+        ends, action, begin_s = work.ends(begun.action), begun.action, begun.time_s
+        if not len(ends):
+            return
+        if last is not None and last.kind is EventKind.ENDED:
+            self.add(*_moved(work, action, begin_s, last.time_s))
+            return
+        points, columns = _moved(work, action, begin_s, begin_s + float(ends[-1]))
+        if last is not None:
+            point = min(last.point, len(ends) - 1)
+            points, columns = _broken(points, columns, point, last.at, last.time_s)
+        self.add(points, columns)
+
     def jump(self, to: Floats, time_s: float) -> None:
         """Have somebody put the head elsewhere."""
         self.points.append(to.reshape(1, 3))
@@ -214,35 +232,20 @@ def course_of(
 ) -> Course:
     """Return where a head was over time.
 
-    One that never said how an action ended is taken to have ended it. `moved` has when people put
+    One that never stated how an action ended is taken to have ended it. `moved` has when people put
     heads that failed elsewhere, and where.
     """
     moves = _Moves([np.array([park])])
     for carried in plans:
-        if head not in carried.heads:
-            continue
-        place = carried.heads.index(head)
-        own = [event for event in carried.events if event.head == place]
-        if not own:
-            continue
-        work = carried.work(place)
         begun: PrintEvent | None = None
-        for event in own:
+        for event in carried.events_of(head):
             if event.kind is EventKind.BEGAN:
                 begun = event
-            elif event.kind is EventKind.ENDED and begun is not None:
-                if len(work.ends(event.action)):
-                    moves.add(*_moved(work, event.action, begun.time_s, event.time_s))
+            elif event.kind in (EventKind.ENDED, EventKind.FAILED) and begun is not None:
+                moves.add_action(carried.work(event.head), begun, event)
                 begun = None
-            elif event.kind is EventKind.FAILED and begun is not None:
-                ends = work.ends(begun.action)
-                if len(ends):
-                    whole = _moved(work, begun.action, begun.time_s, begun.time_s + float(ends[-1]))
-                    point = min(event.point, len(ends) - 1)
-                    moves.add(*_broken(*whole, point, event.at, event.time_s))
-                begun = None
-        if begun is not None and len(ends := work.ends(begun.action)):
-            moves.add(*_moved(work, begun.action, begun.time_s, begun.time_s + float(ends[-1])))
+        if begun is not None:
+            moves.add_action(carried.work(begun.head), begun)
     if head in moved:
         time_s, to = moved[head]
         moves.jump(np.array(to), time_s)
@@ -256,24 +259,21 @@ def waits_of(carried: Carried) -> list[Wait]:
         (e.head, e.action, e.point if e.kind is EventKind.PASSED else ACTION_END): e.time_s
         for e in carried.events if e.kind in (EventKind.PASSED, EventKind.ENDED)
     }  # fmt: skip
+    heads = carried.heads
     for place, actions in enumerate(plan.heads):
-        own = [event for event in carried.events if event.head == place]
-        if not own:
-            continue
-        before_s = carried.work(place).before_s
         last_s = 0.0
-        for event in own:
+        for event in carried.events_of(heads[place]):
             if event.kind is EventKind.ENDED:
                 last_s = event.time_s
             edges = actions.after_edges(event.action) if event.kind is EventKind.BEGAN else []
             others = [edge for edge in edges if edge.head != place]
             if not others:
                 continue
+            before_s = carried.work(place).before_s
             stood_s = event.time_s - float(before_s[event.action]) - last_s
             if stood_s > LEAST_WAIT_S:
                 by = max(others, key=lambda e: passed.get((e.head, e.action, e.point), 0.0)).head
                 began = PrintEvent(EventKind.WAITS, place, last_s, event.action, 0, event.at, by=by)
-                heads = carried.heads
                 found.append(Wait(carried.number, heads[place], heads[by], stood_s, began))
     return found
 

@@ -1,24 +1,38 @@
-"""The rest of a print planned anew while the heads that live go on, in a thread of its own."""
+"""The rest of a print planned anew behind a failure, while the heads that live go on.
+
+1. All heads *hold*: they release no more, and say how much is released.
+2. Each is told how far it goes on: with all that needs nothing of a head that failed.
+3. A thread finds paths to the parks, which are a plan of their own, and plans the rest.
+4. Heads take up both behind what they go on with. Without such a plan they do all they can.
+
+What is planned is left when another head fails meanwhile: it is not true any more.
+"""
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from agents.running.carrier import committed
 from decmcts.errors import InputError, VerificationError
-from decmcts.planning.events import Report, unheard
+from decmcts.planning.events import Note
 from decmcts.planning.options import Cut, TeamSearch
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.replan import replan, rest_of, rules_of
-from decmcts.planning.replanning.rest import LeftBeads
+from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
+from decmcts.planning.running.recorded import Carried
+from decmcts.planning.running.team import Team, is_whole
 from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState
 
+MORE_S = 30.0  # nominal seconds that heads go on for, besides those of the search
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Begin:
     """From where the rest is planned."""
 
@@ -35,7 +49,7 @@ class Begin:
 class Parking:
     """A plan by which heads go to their parks."""
 
-    token: int
+    begin: Begin
     document: PlanDocument
 
 
@@ -43,7 +57,7 @@ class Parking:
 class Renewed:
     """The rest, planned and judged."""
 
-    token: int
+    begin: Begin
     document: PlanDocument
     source: Source  # it alone, from which it may be planned once more
     left_out: int  # contours that no living head can finish
@@ -54,7 +68,7 @@ class Renewed:
 class NotRenewed:
     """The rest cannot be planned."""
 
-    token: int
+    begin: Begin
     why: str
     parked: bool  # heads were sent to their parks before that was known
 
@@ -62,30 +76,182 @@ class NotRenewed:
 News = Parking | Renewed | NotRenewed
 
 
-def renew(
-    token: int, begin: Begin, seconds: float, seed: int, left: LeftBeads,
-    tell: Callable[[News], None], report: Report = unheard,
-) -> threading.Thread:  # fmt: skip
-    """Plan the rest in a thread; report paths to the parks once they are found, and the plan."""
+def renew(begin: Begin, options: RunOptions, hand_over: Callable[[News], None]) -> None:
+    """Plan the rest in a thread; hand over paths to the parks once they are found, and the plan."""
 
     def work() -> None:
         parked = False
         try:
-            rest = rest_of(begin.document, begin.source, begin.state, begin.fenced, left, report)
+            rest = rest_of(
+                begin.document, begin.source, begin.state, begin.fenced, options.left_beads
+            )
             parking = parking_plan(begin.document, begin.whole, begin.standing, begin.obstacles)
             if parking is not None:
-                tell(Parking(token, parking))
+                hand_over(Parking(begin, parking))
                 parked = True
             cut = Cut.NONE if begin.document.rules is None else Cut(begin.document.rules.cut)
-            search = TeamSearch(seconds, seed, cut=cut)
-            result = replan(rest, search, rules_of(begin.document), writes=False, report=report)
-            found = tuple(rest.unfinished)
-            tell(Renewed(token, result.document, rest.source, int(rest.left.rows.sum()), found))
+            search = TeamSearch(options.replan_s, options.seed, cut=cut)
+            result = replan(rest, search, rules_of(begin.document), writes=False)
+            left_out, lines = int(rest.left.rows.sum()), tuple(rest.unfinished)
+            hand_over(Renewed(begin, result.document, rest.source, left_out, lines))
         except (InputError, VerificationError) as error:
-            tell(NotRenewed(token, " ".join(str(error).split()), parked))
+            hand_over(NotRenewed(begin, " ".join(str(error).split()), parked))
         except Exception as error:  # whatever it is, heads must not wait for it for ever
-            tell(NotRenewed(token, f"internal error: {type(error).__name__}: {error}", parked))
+            why = f"internal error: {type(error).__name__}: {error}"
+            hand_over(NotRenewed(begin, why, parked))
 
-    thread = threading.Thread(target=work, name="renew", daemon=True)
-    thread.start()
-    return thread
+    threading.Thread(target=work, name="renew", daemon=True).start()
+
+
+@dataclass(slots=True)
+class Renewal:
+    """How far a team is with what comes behind a failure.
+
+    Parameters
+    ----------
+    hand_over : Callable
+        Takes what the thread finds, to be given to `take` by the thread of the launcher.
+    sources : dict[int, Source]
+        The print of each plan that prints, by its number; a plan without one is not renewed.
+    """
+
+    team: Team
+    options: RunOptions
+    hand_over: Callable[[News], None]
+    sources: dict[int, Source]
+    unplanned: set[int] = field(default_factory=set)  # fenced, and no plan is without them yet
+    held: dict[int, tuple[int, int]] = field(default_factory=dict)  # plan, and actions released
+    reason: str = ""  # why the rest is not planned
+    left: list[str] = field(default_factory=list)  # what is not finished, in words
+    left_out: int = 0  # contours that no living head could finish
+    _is_holding: bool = False
+    _begin: Begin | None = None  # of the plan that is being made
+
+    @property
+    def is_busy(self) -> bool:
+        """Tell whether heads hold, or are planned for."""
+        return self._is_holding or self._begin is not None
+
+    def step(self) -> None:
+        """Have heads hold when one was fenced, and go on when all of them do."""
+        if self.unplanned and not self.team.lost() and not self.is_busy:
+            self.held, self._is_holding = {}, True
+            self.team.tell_all(command="hold")
+        if self._is_holding and all(h in self.held for h in self.team.listening()):
+            self._divide()
+
+    def drop(self) -> None:
+        """Leave what is planned: it is not true any more."""
+        self._begin, self._is_holding = None, False
+
+    def take(self, news: News) -> None:
+        """Take what was planned, unless it was left since."""
+        if news.begin is not self._begin:
+            return
+        match news:
+            case Parking(_, document):
+                self.team.announce(document, is_print=False)
+            case Renewed():
+                self._begin = None
+                self._take_renewed(news)
+            case NotRenewed(_, why, parked):
+                self._begin = None
+                self.reason = f"the rest is not planned: {why}"
+                if parked:
+                    self.team.report(Note(self.reason))
+                else:
+                    self._give_up([p for p in self.team.plans if p.events][-1])
+
+    def _take_renewed(self, news: Renewed) -> None:
+        self.reason = ""
+        self.left += [line for line in news.lines if line not in self.left]
+        self.left_out += news.left_out
+        carried = self.team.announce(news.document, is_print=True)
+        self.sources[carried.number] = news.source
+        for failure in self.team.failures:
+            if math.isnan(failure.planned_s):
+                failure.planned_s = self.team.clock.now()
+        self.team.note("the rest is planned")
+
+    def _divide(self) -> None:
+        """Say how far each head goes on, and have the rest planned."""
+        team, held = self.team, self.held
+        self._is_holding = False
+        if not team.living():
+            return
+        begun = [number for number, released in held.values() if released]
+        carried = team.plans[max([0, *begun, *(p.number for p in team.plans if p.events)])]
+        stopped = team.all_stopped(carried)
+        least = [
+            carried.count(h) if held.get(h, (-1, 0))[0] > carried.number
+            else held[h][1] if k not in stopped and held[h][0] == carried.number else 0
+            for k, h in enumerate(carried.heads)
+        ]  # fmt: skip
+        plan = carried.document.plan
+        whole = committed(plan, least, stopped, math.inf)
+        if team.lost():  # what is planned without knowing where it is might meet it
+            self._limit(carried, whole)
+            return
+        printing = team.printing()
+        is_printed = not carried.is_print and is_whole(team.state_at_limits(printing))
+        if is_printed or is_whole(team.state(carried, whole)):
+            self._limit(carried, whole)
+            self.unplanned.clear()
+            return
+        self._limit(carried, committed(plan, least, stopped, self.options.replan_s + MORE_S))
+        self._plan_rest(carried, printing)
+
+    def _limit(self, carried: Carried, until: list[int]) -> None:
+        """Tell all up to which action each head goes on, and how far others came."""
+        team = self.team
+        carried.until.update(zip(carried.heads, until, strict=True))
+        for gone in carried.heads:
+            if team.heads[gone].fenced and not team.goes_on_in(carried, gone):
+                team.tell_fenced(carried, gone)
+        for h in team.listening():
+            team.tell(h, command="limit", number=carried.number, until=carried.until.get(h, 0))
+
+    def _plan_rest(self, carried: Carried, printing: Carried) -> None:
+        """Have planned what is left of the plan that `printing` is, behind a plan's limits."""
+        team = self.team
+        self.unplanned.clear()
+        source = self.sources.get(printing.number)
+        if source is None:
+            self.reason = "the source is not named (--source), so the rest cannot be planned"
+            self._give_up(carried)
+            return
+        self._begin = self._begin_of(carried, printing, source)
+        names = ", ".join(team.heads[h].name for h in team.living())
+        team.note(f"the rest is planned for {names}")
+        renew(self._begin, self.options, self.hand_over)
+
+    def _begin_of(self, carried: Carried, printing: Carried, source: Source) -> Begin:
+        team = self.team
+        stands = {h: self._stands(carried, h) for h in range(len(team.heads))}
+        places = {h: at for h, at in stands.items() if at is not None}
+        listening, living = team.listening(), team.living()
+        in_plan = {actions.head for actions in printing.document.plan.heads}
+        fenced = {  # those that can will have gone to their parks
+            team.heads[h].name: team.park(h) if h in listening else at
+            for h, at in places.items() if h not in living
+        }  # fmt: skip
+        return Begin(
+            printing.document, team.document.machine, source, team.state_at_limits(printing),
+            {team.heads[h].name: at for h, at in places.items() if h in listening},
+            {name: at for name, at in fenced.items() if name in in_plan},
+            {team.heads[h].name: at for h, at in places.items() if h not in listening},
+        )  # fmt: skip
+
+    def _stands(self, carried: Carried, h: int) -> Point | None:
+        """Return where a head stands that has gone on in a plan as far as it may."""
+        if h in carried.heads and self.team.goes_on_in(carried, h):
+            return carried.stands(h, carried.until[h])
+        failure = self.team.heads[h].failure
+        return self.team.park(h) if failure is None else failure.at
+
+    def _give_up(self, carried: Carried) -> None:
+        """Have heads go on with all that needs no head that failed."""
+        stopped = self.team.all_stopped(carried)
+        least = [carried.until.get(h, 0) for h in carried.heads]
+        self._limit(carried, committed(carried.document.plan, least, stopped, math.inf))
+        self.team.report(Note(self.reason))

@@ -127,13 +127,13 @@ def run(
         on_launcher(launcher)
         launcher.run()
     report(Step("judging where heads were"))
-    plans = tuple(launcher.plans)
-    end_s = max(launcher.makespan_s, *(e.time_s for p in plans for e in p.events), 0.0)
-    names = tuple(head.head for head in document.plan.heads)
+    team, renewal = launcher.team, launcher.renewal
+    plans, names = tuple(team.plans), tuple(head.name for head in team.heads)
+    end_s = max((e.time_s for p in plans for e in p.events), default=0.0)
     return RunResult(
-        names, plans, launcher.makespan_s, document.plan.makespan_s, len(document.contours),
-        launcher.unprinted, tuple(launcher.failures), dict(launcher.moved),
-        nearest(document.machine, names, plans, launcher.moved, end_s),
-        tuple(wait for carried in plans for wait in waits_of(carried)), tuple(launcher.left),
-        launcher.reason,
+        names, plans, team.makespan_s, document.plan.makespan_s, len(document.contours),
+        team.unprinted + renewal.left_out, tuple(team.failures), dict(team.moved),
+        nearest(document.machine, names, plans, team.moved, end_s),
+        tuple(wait for carried in plans for wait in waits_of(carried)), tuple(renewal.left),
+        renewal.reason,
     )  # fmt: skip

@@ -17,14 +17,10 @@ from agents.agreeing.events import (
     Leave,
     Left,
     LiveChanged,
-    PeerAppeared,
-    PeerGone,
     Phase,
     PlanningEnded,
     PlanResolved,
     Propose,
-    Proposed,
-    Received,
     Refused,
     Release,
     Resolve,
@@ -45,6 +41,7 @@ from agents.messages.kinds import (
     Message,
     PlanReply,
     PlanRequest,
+    Presence,
     Proposal,
     Stage,
 )
@@ -65,10 +62,10 @@ class Peer:
         self.seq += 1
         number = self.seq if seq is None else seq
         envelope = Envelope.of(self.head, self.epoch, number, message)
-        return self.protocol.handle(Received(envelope))
+        return self.protocol.handle(envelope)
 
     def joins(self) -> list[Effect]:
-        effects = self.protocol.handle(PeerAppeared(self.head, self.epoch))
+        effects = self.protocol.handle(Presence(self.head, self.epoch, True))
         return effects + self.says(Hello(PROBLEM, VERSION, f"h{self.head}", False))
 
     def commits(self, digest: str, stage: Stage, *, heard: int = 0, live=BOTH) -> list[Effect]:
@@ -99,7 +96,7 @@ def some(effects: list[Effect], kind: type) -> list:
 
 def propose(protocol: Protocol, digest: str = GOOD, makespan_s: float = 5.0) -> list[Effect]:
     protocol.handle(PlanningEnded())
-    return protocol.handle(Proposed(BOTH, PLANS, makespan_s, digest))
+    return protocol.handle(Proposal(BOTH, PLANS, makespan_s, digest))
 
 
 def theirs(digest: str = GOOD, makespan_s: float = 5.0, live=BOTH) -> Proposal:
@@ -134,7 +131,7 @@ def test_a_hello_before_its_token_is_asked_for_again(protocol: Protocol) -> None
     peer = Peer(protocol)
     peer.says(Hello(PROBLEM, VERSION, "h1", False))
     assert protocol.live == (0,)
-    protocol.handle(PeerAppeared(1, 1))
+    protocol.handle(Presence(1, 1, True))
     (asked,) = sent(protocol.handle(Tick()), Hello)
     assert asked.wants_answer
     peer.says(Hello(PROBLEM, VERSION, "h1", False))
@@ -156,7 +153,7 @@ def test_a_stranger_is_refused_by_name_once_and_not_heard(
     protocol: Protocol, hello: Hello, reason: str
 ) -> None:
     """Plans for another print must not get in."""
-    protocol.handle(PeerAppeared(1, 1))
+    protocol.handle(Presence(1, 1, True))
     peer = Peer(protocol)
     assert some(peer.says(hello), Refused) == [Refused(1, reason)]
     assert some(peer.says(hello), Refused) == []
@@ -181,7 +178,7 @@ def test_a_new_incarnation_starts_counting_anew(protocol: Protocol, peer: Peer) 
     assert Forget(1) in reborn.joins()
     assert some(reborn.says(told, seq=1), Take)
     assert not some(peer.says(told, seq=99), Take)
-    protocol.handle(PeerGone(1, 1))  # the old token's end, seen late
+    protocol.handle(Presence(1, 1, False))  # the old token's end, seen late
     assert protocol.live == BOTH
 
 
@@ -274,9 +271,9 @@ def test_a_death_while_agreeing_starts_over_with_the_rest(protocol: Protocol, pe
     """The dead head's work is re-assigned, the old commit counts no more."""
     propose(protocol)
     peer.says(theirs())
-    effects = protocol.handle(PeerGone(1, 1))
+    effects = protocol.handle(Presence(1, 1, False))
     assert Forget(1) in effects and Propose((0,)) in effects
-    effects = protocol.handle(Proposed((0,), PLANS, 9.0, BAD))
+    effects = protocol.handle(Proposal((0,), PLANS, 9.0, BAD))
     assert some(effects, Unfenced) == [Unfenced((1,))]
     assert not some(effects, Release)
     effects = protocol.handle(Fenced(1, 1))
@@ -286,8 +283,8 @@ def test_a_death_while_agreeing_starts_over_with_the_rest(protocol: Protocol, pe
 def test_an_answer_for_a_live_set_of_the_past_is_ignored(protocol: Protocol, peer: Peer) -> None:
     """The planner answers late; the team may have changed meanwhile."""
     protocol.handle(PlanningEnded())
-    protocol.handle(PeerGone(1, 1))
-    assert protocol.handle(Proposed(BOTH, PLANS, 5.0, GOOD)) == []
+    protocol.handle(Presence(1, 1, False))
+    assert protocol.handle(Proposal(BOTH, PLANS, 5.0, GOOD)) == []
 
 
 def test_a_release_of_others_is_followed(protocol: Protocol, peer: Peer) -> None:
@@ -320,7 +317,7 @@ def test_a_goodbye_without_a_release_is_a_fence(protocol: Protocol, peer: Peer) 
     """Who leaves by its own word stays parked; nobody has to pull its plug."""
     propose(protocol)
     peer.says(Goodbye("", "terminated"))
-    effects = protocol.handle(Proposed((0,), PLANS, 9.0, GOOD))
+    effects = protocol.handle(Proposal((0,), PLANS, 9.0, GOOD))
     assert [r.live for r in some(effects, Release)] == [(0,)]
 
 
@@ -343,7 +340,7 @@ def test_long_plans_are_said_again_now_and_then_only(
     """Eight busy agents sent each other 263 MB while they waited for the slowest."""
     plans = {0: np.zeros(numbers, np.int32), 1: np.int32([1])}
     protocol.handle(PlanningEnded())
-    protocol.handle(Proposed(BOTH, plans, 5.0, GOOD))
+    protocol.handle(Proposal(BOTH, plans, 5.0, GOOD))
     peer.says(theirs(BAD, 9.0))
     proposals = replies = 0
     for _ in range(60):

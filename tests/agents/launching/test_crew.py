@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import queue
 import sys
+from collections.abc import Callable
 
 import pytest
 
 from agents.launching import crew as crews
 from agents.launching.crew import Crew
-from agents.launching.processes import AgentProcess, Said
+from agents.launching.processes import AgentLine, AgentProcess
 
 SLEEPS = (sys.executable, "-c", "import time; time.sleep(60)")
 
@@ -21,10 +21,12 @@ def test_a_crew_that_cannot_start_leaves_none_behind(
     """Too many processes, or Ctrl-C: those that were started are ended, for nobody else will."""
     started: list[AgentProcess] = []
 
-    def start(head: int, command: tuple[str, ...], heard: queue.Queue[Said]) -> AgentProcess:
+    def start(
+        head: int, command: tuple[str, ...], hear: Callable[[AgentLine], None]
+    ) -> AgentProcess:
         if head == 2:
             raise error
-        started.append(AgentProcess(head, command, heard))
+        started.append(AgentProcess(head, command, hear))
         return started[-1]
 
     monkeypatch.setattr(crews, "AgentProcess", start)

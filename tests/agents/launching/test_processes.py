@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from agents.launching.processes import AgentProcess, Said
+from agents.launching.processes import AgentLine, AgentProcess
 
 
 @pytest.mark.parametrize(
@@ -23,8 +23,8 @@ from agents.launching.processes import AgentProcess, Said
 )
 def test_an_end_is_told_as_what_it_was(code: str, said: str) -> None:
     """A killed agent was reported by its last note: 'right is here'."""
-    heard: queue.Queue[Said] = queue.Queue()
-    agent = AgentProcess(0, (sys.executable, "-c", code), heard)
+    heard: queue.Queue[AgentLine] = queue.Queue()
+    agent = AgentProcess(0, (sys.executable, "-c", code), heard.put)
     assert heard.get(timeout=30.0).line is None
     assert agent.ending() == said
     agent.reap()
@@ -32,8 +32,8 @@ def test_an_end_is_told_as_what_it_was(code: str, said: str) -> None:
 
 @pytest.mark.slow
 def test_a_running_agent_has_no_end() -> None:
-    heard: queue.Queue[Said] = queue.Queue()
-    agent = AgentProcess(0, (sys.executable, "-c", "import time; time.sleep(60)"), heard)
+    heard: queue.Queue[AgentLine] = queue.Queue()
+    agent = AgentProcess(0, (sys.executable, "-c", "import time; time.sleep(60)"), heard.put)
     os.kill(agent.pid, signal.SIGSTOP)
     assert agent.ending() == ""
     agent.kill()

@@ -19,7 +19,7 @@ from agents.launching.limits import (
     RETURN_S,
     START_LIMIT_S,
 )
-from agents.launching.processes import Said
+from agents.launching.processes import AgentLine
 from agents.launching.status import AgentStatus, LaunchError
 from agents.launching.supervisor import Supervisor
 from decmcts.search.sequence.stopping import Stopping
@@ -69,9 +69,9 @@ class Scene:
     def __init__(self, heads: int = 2, step_s: float = 0.5) -> None:
         self.children = {head: FakeChild() for head in range(heads)}
         self.names = tuple(f"head {head}" for head in range(heads))
-        self.heard: queue.Queue[Said] = queue.Queue()
+        self.heard: queue.Queue[AgentLine] = queue.Queue()
         self.now, self.step_s = 0.0, step_s
-        self.due: list[tuple[float, Said]] = []  # when, what
+        self.due: list[tuple[float, AgentLine]] = []  # when, what
         self.seen: list[tuple[AgentStatus, ...]] = []
         self.hushed: dict[int, tuple[float, float]] = {}
         self.moves: list[float] = []
@@ -92,13 +92,13 @@ class Scene:
         for head in self.children:
             since, until = self.hushed.get(head, (0.0, 0.0))
             if not since <= self.now < until:
-                self.heard.put(Said(head, {"event": "pulse"}))
+                self.heard.put(AgentLine(head, {"event": "pulse"}))
 
     def says(self, head: int, line: dict[str, Any] | None, *, at: float = 0.0) -> None:
         if at > self.now:
-            self.due.append((at, Said(head, line)))
+            self.due.append((at, AgentLine(head, line)))
         else:
-            self.heard.put(Said(head, line))
+            self.heard.put(AgentLine(head, line))
 
     def keeps_saying(self, head: int, line: dict[str, Any], *, since: float, until: float) -> None:
         for at in np.arange(since, until, 0.5).tolist():

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agents.messages.kinds import Presence
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
-from agents.networks.transport import Packet, Presence
+from agents.networks.transport import Packet
 
 
 def pair(weather: Weather, seed: int = 0) -> tuple[MemoryNetwork, MemoryTransport, MemoryTransport]:

@@ -24,8 +24,7 @@ from agents.running.port import (
     Release,
     Resume,
     Start,
-    pack_command,
-    pack_said,
+    pack,
 )
 from agents.running.report import Reached, Report, newer, unpack_report
 from decmcts.print.print_events import EventKind, PrintEvent
@@ -70,8 +69,8 @@ def test_what_the_port_carries_comes_back() -> None:
     commands = [Start(0, "plan", "ab"), Release(0, 4), Pause(), Resume(), Abort(), Finish("gone")]
     said = [Ready(0, "ab"), Alive(1.5, (1.0, 2.0, 3.0)), EVENT]
     for packed, name, due in (
-        ([pack_command(each) for each in commands], "commands", commands),
-        ([pack_said(said[0]), pack_said(said[1]), pack_event(EVENT)], "said", said),  # type: ignore[arg-type] # the events have a packer of their own
+        ([pack(each) for each in commands], "commands", commands),
+        ([pack(said[0]), pack(said[1]), pack_event(EVENT)], "statements", said),
     ):
         reads, writes = os.pipe()
         os.write(writes, b"".join(packed))
@@ -87,7 +86,7 @@ def test_what_is_no_message_ends_a_pipe() -> None:
     reads, writes = os.pipe()
     os.write(writes, b"\x93\xa3bad\x01\x02")
     pipe = Pipe(reads)
-    assert list(pipe.said()) == [] and not pipe.open
+    assert list(pipe.statements()) == [] and not pipe.open
     for descriptor in (reads, writes):
         os.close(descriptor)
 

@@ -50,7 +50,7 @@ class Together:
             feed = self.feeds[h]
             for event in () if feed is None else feed.step(now_s):
                 self.events.append(event)
-                carrier.take_said(event)
+                carrier.take_statement(event)
             self.bus[h].send(KIND, carrier.report().pack(), reliable=False)
 
     def _obey(self, h: int, command: object, now_s: float) -> None:
@@ -58,7 +58,7 @@ class Together:
         match command:
             case Start(number, _, digest):
                 self.feeds[h] = Feeding(h, self.work[h], now_s)
-                self.carriers[h].take_said(Ready(number, digest))
+                self.carriers[h].take_statement(Ready(number, digest))
             case Release(_, until) if feed is not None:
                 feed.release(until, now_s)
             case Pause() if feed is not None:

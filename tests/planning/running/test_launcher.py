@@ -10,18 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.launching.processes import Said as AgentSaid
-from agents.running.clock import PrintClock
+from agents.launching.processes import AgentLine
 from agents.running.heads import Recorded
 from agents.running.port import Ready
 from decmcts.planning.events import Event, Note
-from decmcts.planning.running import launcher as module
+from decmcts.planning.running import renewing
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.recorded import nearest
 from decmcts.planning.running.renewing import Begin, Parking
-from decmcts.planning.running.standing import Standing
+from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind
 from decmcts.print.print_events import EventKind, PrintEvent
@@ -51,25 +50,21 @@ class Desk:
     """A launcher whose heads are spoken for by a test."""
 
     def __init__(self, made: Made, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.begun: list[tuple[int, Begin]] = []
-        monkeypatch.setattr(
-            module, "renew", lambda token, begin, *_: self.begun.append((token, begin))
-        )
+        self.begun: list[Begin] = []
+        monkeypatch.setattr(renewing, "renew", lambda begin, *_: self.begun.append(begin))
         self.launcher = Launcher(
             made.document, made.source, RunOptions(), folder, queue.Queue()
         )  # fmt: skip
-        names = [head.head for head in made.document.plan.heads]
-        self.launcher.heads = [Standing(name) for name in names]
-        self.launcher.processes = [Listening() for _ in names]  # type: ignore[misc]
-        self.launcher.clock = PrintClock.made(folder / "clock", 1.0)
-        self.launcher._sources[0] = made.source
-        self.launcher._announce(made.document, is_print=True)
+        self.team, self.renewal = self.launcher.team, self.launcher.renewal
+        self.team.processes = [Listening() for _ in self.team.heads]  # type: ignore[misc]
+        self.team.clock.set_pace(1.0)
+        self.team.announce(made.document, is_print=True)
         for h in (LEFT, RIGHT):
             self.says(h, Ready(0, ""))
 
     def says(self, head: int, said: Any) -> None:
         """Have a controller say something."""
-        self.launcher._take(Recorded(head, said))
+        self.launcher.take(Recorded(head, said))
 
     def event(self, head: int, kind: EventKind, at: Point, what: str = "") -> None:
         """Have it tell what happened in its first action."""
@@ -77,17 +72,17 @@ class Desk:
 
     def hold(self, *numbers: int) -> None:
         """Have all agents hold."""
-        self.launcher._step()
+        self.launcher.step()
         for h, number in enumerate(numbers):
-            self.launcher._take(AgentSaid(h, {"event": "held", "number": number, "released": 1}))
-        self.launcher._step()
+            self.launcher.take(AgentLine(h, {"event": "held", "number": number, "released": 1}))
+        self.launcher.step()
 
     def park(self) -> None:
         """Have a way to the parks found."""
-        token, begin = self.begun[-1]
+        begin = self.begun[-1]
         parking = parking_plan(begin.document, begin.whole, begin.standing, begin.obstacles)
         assert parking is not None
-        self.launcher._take(Parking(token, parking))
+        self.launcher.take(Parking(begin, parking))
 
 
 @pytest.fixture
@@ -103,9 +98,9 @@ def test_a_head_that_failed_is_parked_when_its_controller_says_so(made: Made, de
     desk.park()
     desk.says(RIGHT, Ready(1, ""))
     desk.event(RIGHT, EventKind.BEGAN, at)
-    assert desk.launcher.failures[0].at == at
+    assert desk.team.failures[0].at == at
     desk.event(RIGHT, EventKind.ENDED, park)
-    assert desk.launcher.failures[0].at == park
+    assert desk.team.failures[0].at == park
 
 
 def test_a_head_that_has_not_parked_yet_is_where_it_stands(
@@ -117,18 +112,18 @@ def test_a_head_that_has_not_parked_yet_is_where_it_stands(
     desk.hold(0, 0)
     desk.park()
     desk.event(LEFT, EventKind.FAILED, beside, "clogged")
-    monkeypatch.setattr(Launcher, "_living", lambda _: [LEFT])  # as if a third head worked
+    monkeypatch.setattr(Team, "living", lambda _: [LEFT])  # as if a third head worked
     desk.hold(0, 0)
-    assert desk.begun[-1][1].standing["right"] == at
+    assert desk.begun[-1].standing["right"] == at
 
 
 def test_nothing_is_planned_while_a_head_is_lost(desk: Desk) -> None:
     """Nobody knows where it is: the others go on with what does not need it."""
     desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), "clogged")
-    desk.launcher._step()
-    desk.launcher.heads[LEFT].controller_gone = "its controller hangs"
+    desk.launcher.step()
+    desk.team.heads[LEFT].controller_gone = "its controller hangs"
     desk.hold(0, 0)
-    assert not desk.begun and desk.launcher._lost() == [LEFT]
+    assert not desk.begun and desk.team.lost() == [LEFT]
 
 
 @pytest.mark.parametrize("place", ["", "park "])
@@ -138,13 +133,13 @@ def test_a_bead_is_finished_from_where_a_person_saw_its_head_stop(
     """The controller is dead and cannot say it."""
     path = _first_bead(made, desk)
     stopped = path[0] + 0.25 * (path[1] - path[0]) + [0.1, 0.0, 0.0]
-    desk.launcher._do(f"fenced right {place}{','.join(map(str, stopped))}".split())
-    carried = desk.launcher.plans[0]
+    desk.launcher.asking.do(f"fenced right {place}{','.join(map(str, stopped))}".split())
+    carried = desk.team.plans[0]
     state = carried.state(RIGHT)
     assert state.is_exact and state.at is not None
     assert np.linalg.norm(np.subtract(state.at, stopped)) <= 0.11
     assert 0.0 < carried.printed()[-1][1] < 1.0
-    failure = desk.launcher.failures[0]
+    failure = desk.team.failures[0]
     park = made.document.machine.heads[RIGHT].park
     assert failure.at == (park if place else pytest.approx(stopped))
 
@@ -153,10 +148,10 @@ def test_a_bead_is_finished_from_where_a_person_saw_its_head_stop(
 def test_a_head_may_have_stopped_right_at_a_corner(made: Made, desk: Desk, corner: int) -> None:
     """No way is left behind the last point that was passed: speeds were divided by it."""
     path = _first_bead(made, desk)
-    desk.launcher._do(["fenced", "right", ",".join(map(str, path[corner]))])
-    names = [head.name for head in desk.launcher.heads]
-    machine, plans = made.document.machine, desk.launcher.plans
-    for near in nearest(machine, names, plans, desk.launcher.moved, 100.0):
+    desk.launcher.asking.do(["fenced", "right", ",".join(map(str, path[corner]))])
+    names = [head.name for head in desk.team.heads]
+    machine, plans = made.document.machine, desk.team.plans
+    for near in nearest(machine, names, plans, desk.team.moved, 100.0):
         assert np.isfinite(near.gap_mm)
 
 
@@ -164,8 +159,8 @@ def test_how_much_of_a_bead_is_printed_is_unknown_where_its_head_was_put_elsewhe
     made: Made, desk: Desk
 ) -> None:
     _first_bead(made, desk)
-    desk.launcher._do(["fenced", "right", "park"])
-    assert not desk.launcher.plans[0].state(RIGHT).is_exact
+    desk.launcher.asking.do(["fenced", "right", "park"])
+    assert not desk.team.plans[0].state(RIGHT).is_exact
 
 
 def _first_bead(made: Made, desk: Desk) -> NDArray[np.float64]:
@@ -177,17 +172,17 @@ def _first_bead(made: Made, desk: Desk) -> NDArray[np.float64]:
         at = tuple(actions.action_path(action)[-1].tolist())
         desk.says(RIGHT, PrintEvent(kind, RIGHT, 10.0, action, 0, at))
     desk.says(RIGHT, PrintEvent(EventKind.BEGAN, RIGHT, 10.0, k, 0, tuple(path[0].tolist())))
-    desk.launcher.heads[RIGHT].controller_gone = "its controller ended"
-    desk.launcher._step()
+    desk.team.heads[RIGHT].controller_gone = "its controller ended"
+    desk.launcher.step()
     return path
 
 
 def test_a_person_is_told_where_a_place_cannot_be(made: Made, desk: Desk) -> None:
     """It was dropped in silence, and the bead's rest stayed unknown."""
     said: list[Event] = []
-    desk.launcher.report = said.append
+    desk.team.report = said.append
     path = _first_bead(made, desk)
     aside = path[0] + [0.0, 0.0, 5.0]
-    desk.launcher._do(["fenced", "right", ",".join(map(str, aside))])
+    desk.launcher.asking.do(["fenced", "right", ",".join(map(str, aside))])
     assert any("stays unknown" in event.text for event in said if isinstance(event, Note))
-    assert not desk.launcher.plans[0].state(RIGHT).is_exact
+    assert not desk.team.plans[0].state(RIGHT).is_exact

@@ -1,0 +1,71 @@
+"""Values of msgpack checked by the type of the field that they are for.
+
+Every reader returns a value of its type or raises `MessageError`; nothing is converted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar, get_type_hints
+
+from agents.messages.kinds import MessageError, Stage
+
+T = TypeVar("T")
+Place = tuple[float, float, float]
+
+
+def array(value: object, length: int | None = None) -> list[Any]:
+    """Return an array, of so many items if that is known."""
+    if not isinstance(value, list) or (length is not None and len(value) != length):
+        raise MessageError(f"expected an array of {length if length is not None else 'items'}")
+    return value
+
+
+def _only(kind: type[T], name: str) -> Callable[[object], T]:
+    """Return what reads values of exactly one type."""
+
+    def read(value: object) -> T:
+        if type(value) is not kind:
+            raise MessageError(f"expected {name}, got {type(value).__name__}")
+        return value
+
+    return read
+
+
+integer = _only(int, "an integer")
+text = _only(str, "text")
+_number = _only(float, "a number as a float")
+
+
+def _place(value: object) -> Place:
+    x, y, z = map(_number, array(value, 3))
+    return x, y, z
+
+
+PLAIN: Mapping[Any, Callable[[object], Any]] = {
+    int: integer,
+    str: text,
+    bool: _only(bool, "true or false"),
+    float: _number,
+    Place: _place,
+    Stage: lambda value: Stage(integer(value)),
+    tuple[int, ...]: lambda value: tuple(map(integer, array(value))),
+}
+"""What reads a field, by its type."""
+
+
+_FIELDS: dict[type, Mapping[str, Any]] = {}  # found once: it takes as long as a message
+
+
+def fields_of(kind: type) -> Mapping[str, Any]:
+    """Return the types of a dataclass's fields, by name, in their order."""
+    if kind not in _FIELDS:
+        _FIELDS[kind] = get_type_hints(kind)
+    return _FIELDS[kind]
+
+
+def read_row(kind: type[T], row: object) -> T:
+    """Return the dataclass whose fields, all of them plain, a row holds in their order."""
+    kinds = fields_of(kind).values()
+    items = array(row, len(kinds))
+    return kind(*(PLAIN[of](item) for of, item in zip(kinds, items, strict=True)))

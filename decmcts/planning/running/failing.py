@@ -1,0 +1,111 @@
+"""What happens when a head fails.
+
+| what fails | how it is noticed | what follows |
+|---|---|---|
+| the head | its controller says `failed` | fenced there; it goes to its park |
+| its agent | its process ends, or is silent | its controller ends its action, then says `failed` |
+| its bus | the others do not hear it | its agent has it stop: its controller says `failed` |
+| its controller | silent, or ended | lost, until a person says where it stands |
+
+A head that fails is *lost* until it is *fenced*: by its controller's word, or a person's. Only then
+is it sure that it does nothing any more, and the rest is planned without it (`renewing`). A head
+whose controller lives goes to its park by a plan; where its agent is gone, another is started for
+that. One that fails on that path is lost again. One that a person aborts, or fences, stays where it
+is: its processes are ended.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from agents.running.port import ABORTED, SILENT, SILENT_S
+from decmcts.planning.events import Note
+from decmcts.planning.running.options import Failure
+from decmcts.planning.running.renewing import Renewal
+from decmcts.planning.running.team import Team
+from decmcts.print.machine import Point
+
+AGENT, BUS = "its agent was lost", "it lost the bus"
+PERSON = (
+    "say `fenced {name} X,Y,Z` once it is sure to be off, or `fenced {name} park X,Y,Z` if you "
+    "have put it to its park: X,Y,Z is where it had stopped"
+)
+
+
+@dataclass(slots=True)
+class Failing:
+    """Notices that heads of a team fail, and fences them."""
+
+    team: Team
+    renewal: Renewal
+
+    def find(self) -> None:
+        """Take in which processes are gone, of heads that work and of those that park."""
+        for h, head in enumerate(self.team.heads):
+            if head.parks and (head.controller_gone or head.agent_gone):
+                self._fail_to_park(h)
+        for h in self.team.living():
+            head = self.team.heads[h]
+            if head.controller_gone:
+                self.fail(h, head.controller_gone)
+                self._ask_a_person(h)
+            elif head.agent_gone:
+                self.fail(h, f"{AGENT} ({head.agent_gone})")
+                self.team.processes[h].finish(f"{AGENT} ({head.agent_gone})")
+        self._settle_missing()
+
+    def _fail_to_park(self, h: int) -> None:
+        """Take in that a head that failed goes no further to its park."""
+        head = self.team.heads[h]
+        head.parks = False
+        if self.team.is_parked(h):
+            self.team.tell_fenced(self.team.last_of(h), h)
+            return
+        head.fenced = False  # it stands who knows where
+        self.renewal.drop()
+        self._ask_a_person(h)
+
+    def _ask_a_person(self, h: int) -> None:
+        name = self.team.heads[h].name
+        self.team.report(Note(f"{name}: {PERSON.format(name=name)}"))
+
+    def _settle_missing(self) -> None:
+        """Have a head stop that the others do not hear although its process lives: its bus is."""
+        now, living, heads = time.monotonic(), self.team.living(), self.team.heads
+        count = dict.fromkeys(living, 0)
+        for h in living:
+            for other in heads[h].missing:
+                if other in count and now - heads[other].pulse_at < SILENT_S / 2.0:
+                    count[h], count[other] = count[h] + 1, count[other] + 1
+        worst = max(living, key=lambda h: (count[h], h), default=None)
+        if worst is not None and count[worst]:
+            self.team.tell(worst, command="abort", why=BUS)
+            for h in living:
+                heads[h].missing = ()
+
+    def fail(self, h: int, why: str) -> None:
+        """Note that a head prints no more; it may still move."""
+        team, head = self.team, self.team.heads[h]
+        if head.failure is not None:
+            return
+        mine = [e.time_s for p in team.plans if h in p.heads for e in p.events_of(h)]
+        head.failure = Failure(head.name, why, max(mine, default=0.0), team.clock.now())
+        team.failures.append(head.failure)
+        self.renewal.held.pop(h, None)
+        team.note(f"head {head.name} failed: {why}")
+
+    def fence(self, h: int, at: Point, why: str = ABORTED) -> None:
+        """Make sure that a head does nothing any more but go to its park, if it can do that."""
+        head, processes = self.team.heads[h], self.team.processes[h]
+        assert head.failure is not None
+        head.parks = why != ABORTED
+        if not head.parks:
+            processes.kill()
+        elif head.agent_gone or why in (BUS, SILENT):
+            processes.restart()
+            head.replaced, head.agent_gone = not head.agent_gone, ""
+        head.fenced, head.failure.at = True, at
+        head.failure.fenced_s = self.team.clock.now()
+        self.renewal.unplanned.add(h)
+        self.renewal.drop()  # what is planned has this head in it

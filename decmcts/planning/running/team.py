@@ -1,0 +1,191 @@
+"""The heads of a run and the plans they carry out: what is known of both, and how heads are told.
+
+Nothing is decided here. What happens when a head fails is `failing`'s, what comes of the rest
+`renewing`'s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from agents.running.clock import PrintClock
+from agents.running.heads import HeadProcesses
+from agents.running.report import NOTHING, Reached
+from decmcts.formats.plans.plan_json import read_plan, write_plan
+from decmcts.planning.events import Note, Report
+from decmcts.planning.running.options import Failure
+from decmcts.planning.running.parking import same_place
+from decmcts.planning.running.recorded import Carried
+from decmcts.planning.running.standing import Standing
+from decmcts.print.figures import clock_time
+from decmcts.print.machine import Point
+from decmcts.print.plan import ActionKind, PlanDocument
+from decmcts.print.print_events import EventKind
+from decmcts.print.print_state import PrintState, state_of_heads
+
+WAITING = 1e-6  # pace of the clock until all heads are there
+
+
+@dataclass(slots=True)
+class Team:
+    """The heads of the first plan, by their places in it, and all plans so far.
+
+    Parameters
+    ----------
+    document : PlanDocument
+        The first plan.
+    folder : Path
+        Where plans and the clock are written, for the processes of heads.
+    """
+
+    document: PlanDocument
+    folder: Path
+    report: Report
+    heads: list[Standing] = field(init=False)
+    clock: PrintClock = field(init=False)
+    processes: list[HeadProcesses] = field(default_factory=list)
+    plans: list[Carried] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
+    moved: dict[int, tuple[float, Point]] = field(default_factory=dict)  # by people: when, where
+
+    def __post_init__(self) -> None:
+        self.heads = [Standing(actions.head) for actions in self.document.plan.heads]
+        self.clock = PrintClock.made(self.clock_path, WAITING)
+
+    @property
+    def clock_path(self) -> Path:
+        """File of the clock that all processes map."""
+        return self.folder / "clock"
+
+    def note(self, text: str) -> None:
+        """Report what has happened, with the time of the print."""
+        self.report(Note(f"{clock_time(self.clock.now())}: {text}"))
+
+    # Heads ------------------------------------------------------------------
+
+    def living(self) -> list[int]:
+        """Return the heads that work."""
+        return [h for h, head in enumerate(self.heads) if head.failure is None]
+
+    def listening(self) -> list[int]:
+        """Return the heads whose agents are given plans: those that work, or go to their park."""
+        return [h for h, head in enumerate(self.heads) if head.failure is None or head.parks]
+
+    def lost(self) -> list[int]:
+        """Return the heads that failed and are not fenced."""
+        return [h for h, head in enumerate(self.heads) if head.failure and not head.fenced]
+
+    def tell(self, head: int, /, **command: object) -> None:
+        """Give the agent of a head a command."""
+        self.processes[head].agent.tell(command)
+
+    def tell_all(self, **command: object) -> None:
+        """Give the agents of all heads that listen a command."""
+        for h in self.listening():
+            self.tell(h, **command)
+
+    def park(self, h: int) -> Point:
+        """Return where a head parks."""
+        return self.document.machine.head(self.heads[h].name).park
+
+    def is_parked(self, h: int) -> bool:
+        """Tell whether a head that failed stands at its park."""
+        failure = self.heads[h].failure
+        at = None if failure is None else failure.at
+        return at is not None and same_place(at, self.park(h))
+
+    # Plans ------------------------------------------------------------------
+
+    def announce(self, document: PlanDocument, *, is_print: bool) -> Carried:
+        """Hand a plan to all heads that listen; they begin it when all of them hold it."""
+        number = len(self.plans)
+        path = self.folder / f"plan-{number}.json"
+        write_plan(document, path)
+        names = [head.name for head in self.heads]
+        heads = tuple(names.index(actions.head) for actions in document.plan.heads)
+        self.plans.append(Carried(number, read_plan(path), heads, is_print))
+        self.tell_all(command="plan", number=number, path=str(path), heads=list(heads))
+        return self.plans[-1]
+
+    def printing(self) -> Carried:
+        """Return the last plan that prints and that heads began."""
+        return next(p for p in reversed(self.plans) if p.is_print and (p.events or not p.number))
+
+    def last_of(self, h: int, before: int | None = None) -> Carried:
+        """Return the last plan that a head is in (before one)."""
+        return [carried for carried in self.plans[:before] if h in carried.heads][-1]
+
+    def has_done(self, h: int, before: int | None = None) -> bool:
+        """Tell whether a head has done its share of the last plan it is in (before one)."""
+        last = self.last_of(h, before)
+        return last.reached.get(h, NOTHING).ended >= last.count(h)
+
+    def goes_on_in(self, carried: Carried, h: int) -> bool:
+        """Tell whether a head may do more of a plan: it works, or it travels to its park."""
+        head, last = self.heads[h], carried.last(h)
+        if head.failure is None:
+            return True
+        failed = last is not None and last.kind is EventKind.FAILED
+        return head.parks and not carried.is_print and not failed
+
+    def stopped(self, carried: Carried, h: int) -> Reached:
+        """Return how far a head that failed came in a plan."""
+        if self.heads[h].number > carried.number:
+            return Reached(carried.count(h))
+        return carried.reached.get(h, NOTHING)
+
+    def all_stopped(self, carried: Carried) -> dict[int, Reached]:
+        """Return how far those heads of a plan came that do no more of it, by place in it."""
+        return {
+            k: self.stopped(carried, h)
+            for k, h in enumerate(carried.heads)
+            if not self.goes_on_in(carried, h)
+        }
+
+    def tell_fenced(self, carried: Carried, gone: int) -> None:
+        """Tell all that a head does no more of a plan, and how far it came."""
+        reached = self.stopped(carried, gone)
+        self.tell_all(
+            command="fence", head=gone, number=carried.number,
+            reached=[reached.ended, reached.begun, reached.point],
+        )  # fmt: skip
+
+    # The print --------------------------------------------------------------
+
+    def state(self, carried: Carried, until: list[int]) -> PrintState:
+        """Return what is printed when each head has gone on up to an action."""
+        found = []
+        for h, k in zip(carried.heads, until, strict=True):
+            state = carried.state(h)
+            if self.heads[h].failure is None:
+                state = replace(state, ended=k, begun=False, point=0)
+            elif not state.failed:
+                state = replace(state, at=None)
+            found.append(state)
+        return state_of_heads(carried.document, found)
+
+    def state_at_limits(self, carried: Carried) -> PrintState:
+        """Return what is printed when each head has gone on as far as it may."""
+        return self.state(carried, [carried.count(h) for h in carried.heads])
+
+    @property
+    def makespan_s(self) -> float:
+        """When the last action ended."""
+        ended = (e.time_s for p in self.plans for e in p.events if e.kind is EventKind.ENDED)
+        return max(ended, default=0.0)
+
+    @property
+    def unprinted(self) -> int:
+        """How many contours of the last plan are not printed."""
+        carried, done = self.printing(), set[int]()
+        for k, h in enumerate(carried.heads):
+            actions, ended = carried.document.plan.heads[k], carried.reached.get(h, NOTHING).ended
+            rows = actions.kind[:ended] == ActionKind.PRINT
+            done.update(actions.contour[:ended][rows].tolist())
+        return len(carried.document.contours) - len(done)
+
+
+def is_whole(state: PrintState) -> bool:
+    """Tell whether nothing is left to print, broken beads included."""
+    return bool(state.done.all()) and not state.broken
