@@ -1,10 +1,12 @@
 """A head as nested mappings: its shape, bodies, park, reach, tools, limits and idling.
 
-A new kind of head shape gets its keys here, for machine files and plan.json at once.
+A new kind of head shape gets its keys here, for machine files and plan.json at once. The motion
+limits of a machine are read here too; of what idle heads do, what is left out is the source's.
 """
 
 from __future__ import annotations
 
+from dataclasses import asdict, fields
 from itertools import pairwise
 from typing import Any
 
@@ -17,39 +19,26 @@ from decmcts.formats.heads.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.heads.clearances import TALLEST_NOZZLE_MM, clearance_head
 from decmcts.formats.heads.head_name import head_name
 from decmcts.formats.heads.head_polygon import check_polygon, covers_nozzle
-from decmcts.formats.heads.idle_dict import idle_from, idle_to_dict
-from decmcts.formats.heads.lengths import size, triple
-from decmcts.formats.heads.limits_dict import limits_from, limits_to_dict
 from decmcts.print.idle import Idle
 from decmcts.print.machine import Body, Head, MotionLimits, Slice
 
 _UNREACHED = 1e6  # the types' "no limit"
 _HEAD_KEYS = (
-    "name",
-    "slices",
-    "clearance",
-    "bodies",
-    "park",
-    "reach",
-    "reach_min",
-    "reach_max",
-    "tools",
-    "limits",
-    "pace",
-    "idle",
-)
+    "name", "slices", "clearance", "bodies", "park", "reach", "reach_min", "reach_max", "tools",
+    "limits", "pace", "idle",
+)  # fmt: skip
 _SLOWEST = 100.0
+HOTTEST_C = 600.0
+FASTEST_C_S = 100.0
+MOST_MM = 20.0  # of filament; more pulls it out of the hot end
+_LEAST_S = 1.0
+_LEAST_C_S = 0.01
+_MAY_BE_ZERO = ("jerk", "junction_deviation")
 
 
 def head_to_dict(head: Head) -> dict[str, Any]:
     """Return plain lists, numbers and texts that `head_from` reads back equal."""
-    own: dict[str, Any] = {}
-    if head.limits is not None:
-        own["limits"] = limits_to_dict(head.limits)
-    if head.pace != 1.0:
-        own["pace"] = head.pace
-    if head.idle != Idle():
-        own["idle"] = idle_to_dict(head.idle)
+    idle = {name: value for name, value in asdict(head.idle).items() if value is not None}
     return {
         "name": head.name,
         "slices": [
@@ -62,7 +51,9 @@ def head_to_dict(head: Head) -> dict[str, Any]:
         "park": list(head.park),
         "reach": {"min": list(head.reach_min), "max": list(head.reach_max)},
         "tools": list(head.tools),
-        **own,
+        **({} if head.limits is None else {"limits": limits_to_dict(head.limits)}),
+        **({} if head.pace == 1.0 else {"pace": head.pace}),
+        **({} if head.idle == Idle() else {"idle": idle}),
     }
 
 
@@ -86,9 +77,9 @@ def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
     table.only(*_HEAD_KEYS)
     slices = _slices(table, across_mm)
     _check_slices(slices, table)
-    bodies = tuple(_body(b) for b in table.tables("bodies")) if "bodies" in table.values else ()
+    bodies = tuple(map(_body, table.tables("bodies", [])))
     low, high = _reach(table)
-    tools = table.items("tools") if "tools" in table.values else []
+    tools = table.items("tools", [])
     if any(type(tool) is not int or tool < 0 for tool in tools):
         table.fail("tools", f"expected tool numbers from 0, found {shown(tools)}")
     return Head(
@@ -129,7 +120,7 @@ def _clearance(table: Fields, across_mm: float) -> list[Slice]:
 
 def _slice(table: Fields) -> Slice:
     table.only("height", "height_mm", "polygons")
-    height = size(table, "height_mm" if "height_mm" in table.values else "height")
+    height = table.size("height_mm" if "height_mm" in table.values else "height")
     polygons: list[NDArray[np.float64]] = []
     for number, rows in enumerate(table.items("polygons"), 1):
         place = f"{table.where} (height {height:g}), polygon {number}"
@@ -161,14 +152,14 @@ def _check_slices(slices: list[Slice], table: Fields) -> None:
 
 def _body(table: Fields) -> Body:
     table.only("name", "min", "max")
-    low, high = triple(table, "min"), triple(table, "max")
+    low, high = table.triple("min"), table.triple("max")
     if not all(a < b for a, b in zip(low, high, strict=True)):
         table.fail("min", f"{list(low)} is not below max {list(high)} on every axis")
     return Body(table.text("name", "body"), low, high)
 
 
 def _park(table: Fields) -> tuple[float, float, float]:
-    park = triple(table, "park")
+    park = table.triple("park")
     if park[2] < 0.0:
         table.fail("park", f"z is {park[2]:g}, below the bed", "park at 0 or above")
     return park
@@ -177,17 +168,68 @@ def _park(table: Fields) -> tuple[float, float, float]:
 def _reach(
     table: Fields,
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    low = (-_UNREACHED,) * 3
-    high = (_UNREACHED,) * 3
+    low, high = (-_UNREACHED,) * 3, (_UNREACHED,) * 3
     if "reach" in table.values:
         reach = table.table("reach")
         reach.only("min", "max")
-        low = triple(reach, "min", most=_UNREACHED)
-        high = triple(reach, "max", most=_UNREACHED)
+        low, high = reach.triple("min", most=_UNREACHED), reach.triple("max", most=_UNREACHED)
     if "reach_min" in table.values:
-        low = triple(table, "reach_min", most=_UNREACHED)
+        low = table.triple("reach_min", most=_UNREACHED)
     if "reach_max" in table.values:
-        high = triple(table, "reach_max", most=_UNREACHED)
+        high = table.triple("reach_max", most=_UNREACHED)
     if not all(a <= b for a, b in zip(low, high, strict=True)):
         table.fail("reach", f"min {list(low)} is above max {list(high)}")
     return low, high
+
+
+def idle_from(given: Fields) -> Idle:
+    """Return what a head's table `idle` says."""
+    usual = Idle()
+    if "idle" not in given.values:
+        return usual
+    table = given.table("idle")
+    table.only(*(field.name for field in fields(Idle)))
+    standby_c = _said(table, "standby_c", HOTTEST_C)
+    return Idle(
+        after_s=table.number("after_s", usual.after_s, least=_LEAST_S),
+        standby_c=None if standby_c is None else round(standby_c, 1),  # as files state it
+        heat_c_s=table.number("heat_c_s", usual.heat_c_s, least=_LEAST_C_S, most=FASTEST_C_S),
+        retract_mm=_said(table, "retract_mm", MOST_MM),
+        prime_mm=_said(table, "prime_mm", MOST_MM),
+    )
+
+
+def _said(table: Fields, key: str, most: float) -> float | None:
+    return table.number(key, least=0.0, most=most) if key in table.values else None
+
+
+def limits_to_dict(limits: MotionLimits) -> dict[str, Any]:
+    """Return plain numbers and lists that `limits_from` reads back equal."""
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in asdict(limits).items()
+    }
+
+
+def limits_from(given: Fields, usual: MotionLimits) -> MotionLimits:
+    """Return what a table `limits` says, and for what it leaves out what is usual."""
+    if "limits" not in given.values:
+        return usual
+    table = given.table("limits")
+    names = [f.name for f in fields(MotionLimits)]
+    table.only(*names)
+    read = {name: _limit(table, name, getattr(usual, name)) for name in names}
+    return MotionLimits(**read)
+
+
+def _limit(table: Fields, name: str, usual: Any) -> Any:
+    """Return one limit; those of axes are four numbers, x, y, z and e."""
+    if name not in table.values:
+        return usual
+    value: Any = table.point(name, 4) if isinstance(usual, tuple) else table.number(name)
+    least = float(np.min(value))
+    if least < 0.0:
+        table.fail(name, f"{least:g} is below 0")
+    if least == 0.0 and name not in _MAY_BE_ZERO:
+        table.fail(name, "0 would never arrive")
+    return value

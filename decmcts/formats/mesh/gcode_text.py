@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.dialects.roles import CANONICAL
 from decmcts.formats.mesh.options import SliceOptions
-from decmcts.formats.mesh.sections import Layers
-from decmcts.formats.mesh.shells import find_shells
-from decmcts.formats.mesh.skirt import skirt_beads
-from decmcts.formats.mesh.toolpaths import Bead, layer_beads
+from decmcts.formats.mesh.sections import Layers, find_shells
+from decmcts.formats.mesh.toolpaths import Bead, layer_beads, skirt_beads
 from decmcts.print.contours import Role
 from decmcts.version import __version__
 

@@ -27,6 +27,7 @@ from decmcts._kernels.motion.blocks import (
 )
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.document import StateTable
+from decmcts.formats.slicers.known import every
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limit_row
 
@@ -52,7 +53,7 @@ def stated_limits(text: bytes) -> MotionLimits:
     legacy = found.get("gcode_flavor", "").strip() == "marlin"  # has no travel acceleration
     return MotionLimits(
         travel_feed=math.nan,
-        max_feed=_axes(found, "machine_max_feedrate_", "machine_max_speed_"),
+        max_feed=_axes(found, *sorted(every("max_feed"))),
         max_acceleration=_axes(found, "machine_max_acceleration_"),
         jerk=_axes(found, "machine_max_jerk_", least=0.0),
         acceleration=printing,

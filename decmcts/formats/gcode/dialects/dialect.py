@@ -1,4 +1,4 @@
-"""What one line means, for every slicer we know: a pure function of its text.
+"""What one line means, in the words of all slicers (`formats.slicers`): a function of its text.
 
 A line is sticky state, a layer marker, an object label, a comment without
 meaning for the order, or a barrier. What is not known is a barrier: nothing is
@@ -13,6 +13,7 @@ from enum import IntEnum
 from functools import lru_cache
 
 from decmcts.formats.gcode.dialects.roles import is_role_comment
+from decmcts.formats.slicers.known import every, together
 
 Params = tuple[tuple[str, str], ...]
 
@@ -51,14 +52,9 @@ WAIT_MARK = "; decmcts waits for cooling"  # behind a dwell of ours, which plans
 IDLE_MARK = "; decmcts stands idle"
 DWELL_MARKS = (WAIT_MARK, IDLE_MARK)
 _NOTHING = Event(Kind.NOTHING)
-_LAYER = re.compile(
-    r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*+(?::\s*+)?-?\d++\s*+(,|$)|-+ LAYER "
-    r"|BEGIN_LAYER|\*+ LAYER |LAYER \d+",
-    re.I,
-)
-_BESIDE = re.compile(
-    r"(BEFORE|AFTER)_LAYER_CHANGE$|LAYER NUM/TOTAL_LAYER_COUNT:|-?(\d++(?:\.\d*+)?|\.\d++)$", re.I
-)  # comments below a layer's marker
+_LAYER = re.compile("|".join(every("layers")), re.I)
+_NOTE = re.compile("|".join(every("notes")), re.I)
+_VALUES = together("values")
 _TEMPERATURE = {"M104", "M109", "M140", "M190", "M141", "M191", "M142", "M116", "M303"}
 # Commands whose setting holds: slot and the parameter that selects which one.
 _REPLACED = {
@@ -133,13 +129,12 @@ def _comment(text: str) -> Event:
     body = text.lstrip("; (").rstrip(") ")
     upper = body.upper()
     key = upper.split(":", 1)[0].strip() if ":" in upper else ""
-    if key in ("WIDTH", "LINE_WIDTH"):
-        return Event(Kind.STATE, "width", text)
-    if key in ("HEIGHT", "LAYER_HEIGHT") and not text.startswith("; LAYER_HEIGHT: ;"):
-        return Event(Kind.STATE, "height", text)
-    if key in ("Z", "Z_HEIGHT") or _BESIDE.match(body):
+    stated = _VALUES.get(key, "")
+    if stated in ("width", "height") and not text.startswith("; LAYER_HEIGHT: ;"):
+        return Event(Kind.STATE, stated, text)
+    if stated == "layer" or _NOTE.match(body):
         return Event(Kind.LAYER_NOTE, "layer", text)
-    if key in ("MESH", "PRINTING"):
+    if stated == "mesh":
         return Event(Kind.STATE, "mesh", text)
     if is_role_comment(body):
         return Event(Kind.STATE, "type", text)
@@ -150,13 +145,13 @@ def _comment(text: str) -> Event:
 
 def _label(text: str, body: str) -> Event:
     lower = body.lower()
-    if lower.startswith(("printing object", "start printing object")):
+    if lower.startswith(every("objects")):
         return Event(Kind.STATE, "label", text)
-    if lower.startswith("stop printing object"):
+    if lower.startswith(every("objects_end")):
         return Event(Kind.LEAVE, "label", text)
-    if body.startswith(("CP TOOLCHANGE START", "WIPE_TOWER_START")):
+    if body.startswith(every("changes")):
         return Event(Kind.SECTION, text=text)
-    if body.startswith(("CP TOOLCHANGE END", "WIPE_TOWER_END")):
+    if body.startswith(every("changes_end")):
         return Event(Kind.SECTION_END, text=text)
     return _NOTHING
 

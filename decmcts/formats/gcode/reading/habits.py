@@ -1,4 +1,9 @@
-"""How the source retracts, hops, wipes and travels, read from its gaps."""
+"""How the source retracts, hops, wipes and travels, read from its gaps.
+
+Whether it leaves travels inside the part bare is learned too. Cura's combing shows in nothing
+else; PrusaSlicer's and Slic3r's settings name it (`only_retract_when_crossing_perimeters`), and
+then a single such travel is enough.
+"""
 
 from __future__ import annotations
 
@@ -9,32 +14,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
+from decmcts._kernels.geometry.walls import SAME_Z_MM
 from decmcts._kernels.motion.blocks import TRAVELLING
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.stated_times import silent_share
 from decmcts.formats.gcode.document import Habits
+from decmcts.formats.gcode.reading.gaps import PULLED, Gaps
 from decmcts.formats.gcode.reading.grouping import Runs
-from decmcts.formats.gcode.reading.ledger import PULLED, Gaps
 from decmcts.formats.gcode.text.lines import Lines
+from decmcts.formats.slicers.known import either, every
+from decmcts.print.contours import Contours
 from decmcts.print.job import ProcessSettings, Retraction
+from decmcts.print.walls import bare_pairs, outer_walls
 
 ALIKE = 0.01  # share by which the habits of two tools may differ and be one
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
-_RULE = re.compile(
-    rb"^;\s*(?:slowdown_below_layer_time|slow_down_layer_time|minSpeedLayerTime|min_layer_time_s)"
-    rb" *[=,] *([\d., ]+)",
-    re.M,
-)  # PrusaSlicer and Slic3r; OrcaSlicer and Bambu Studio; Simplify3D; KISSlicer
-_RULE_ON = re.compile(
-    rb"^;\s*(?:cooling|slow_down_for_layer_cooling|adjustSpeedForCooling) *[=,] *([01, ]+)", re.M
-)
-_CURA_RULE = re.compile(rb"cool_min_layer_time\s*=\s*([\d.]+)")
-_CURA_BREAK = re.compile(rb"\r?\n;SETTING_3 ")
+_RULE = re.compile(rb"^;\s*(?:%b) *[=,] *([\d., ]+)" % either("layer_time"), re.M)
+_RULE_ON = re.compile(rb"^;\s*(?:%b) *[=,] *([01, ]+)" % either("slows"), re.M)
+_FOLDED_RULE = re.compile(rb"(?:%b)\s*=\s*([\d.]+)" % either("folded_layer_time"))
+_FOLD = re.compile("|".join(every("folds")).encode())
 CONFIG_BYTES = 2**20  # of a file's beginning and end: slicers write their settings there
 LONGEST_RULE_S = 600.0  # what is beyond this is no layer time
 _DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*(\d*+\.?\d*+)", re.I)
+HABIT_SHARE = 0.8  # of the long travels inside the part that must be bare
+LEAST_SEEN = 5  # of them, where no setting names the habit; of changes to a next layer, always
+LAYERS = 2.0  # layer heights a change to a next layer may climb
+_SAID = re.compile(rb"^; *(?:%b) *= *1" % either("bare_inside"), re.M)
 
 
 def filament_diameter(text: bytes) -> float:
@@ -52,8 +59,8 @@ def min_layer_time(text: bytes) -> float:
     if len(text) > 2 * CONFIG_BYTES:
         text = text[:CONFIG_BYTES] + text[-CONFIG_BYTES:]
     rule, on = _last_of(_RULE, text), _last_of(_RULE_ON, text)
-    if rule is None:  # Cura writes what differs from its profiles, broken into lines
-        rule = _last_of(_CURA_RULE, _CURA_BREAK.sub(b"", text))
+    if rule is None:
+        rule = _last_of(_FOLDED_RULE, _FOLD.sub(b"", text))
     if rule is None:
         return 0.0
     on = [1.0] if on is None else on
@@ -277,3 +284,54 @@ def _wipe(
         "wipe_filament_mm": float(np.median(filament[has])),
         "wipe_feed": _usual(motion.feed[wiping], across[wiping]),
     }
+
+
+def with_bare_travels(
+    text: bytes, contours: Contours, settings: ProcessSettings, pulled: NDArray[np.bool_]
+) -> ProcessSettings:
+    """Return the settings with the travels inside the part that the source leaves bare.
+
+    Their greatest length is learned, and their greatest climb to a next layer; 0 for no such habit.
+
+    Parameters
+    ----------
+    pulled : (n - 1,)
+        Whether the source retracts between a contour and the next.
+    """
+    if not pulled.any():
+        return settings
+    start, goal = contours.end[:-1], contours.start[1:]
+    length = np.linalg.norm(goal - start, axis=1)
+    long = np.flatnonzero(length >= settings.retract_min_travel_mm)
+    most = LAYERS * float(np.median(contours.height))
+    walls = outer_walls(contours)
+    inside = long[bare_pairs(walls, np.inf, start[long], goal[long], climb_mm=most)]
+    rise = goal[inside, 2] - start[inside, 2]
+    climbs = rise > SAME_Z_MM
+    least = 1 if _SAID.search(text) else LEAST_SEEN
+    longest = _longest(inside[~climbs], length, pulled, least)
+    if longest == 0.0:
+        return settings
+    bare = ~pulled[inside[climbs]]
+    if bare.sum() < max(LEAST_SEEN, HABIT_SHARE * len(bare)):
+        return replace(settings, bare_inside_mm=longest)
+    return replace(
+        settings,
+        bare_inside_mm=max(longest, _longest(inside, length, pulled, least)),
+        bare_climb_mm=float(np.ceil(1000.0 * rise[climbs][bare].max() - 1e-3) / 1000.0),
+    )
+
+
+def _longest(
+    inside: NDArray[np.int64], length: NDArray[np.float64], pulled: NDArray[np.bool_], least: int
+) -> float:
+    """Return the longest bare one of these travels, 0 if too few of the long ones are bare."""
+    order = inside[np.argsort(length[inside], kind="stable")]
+    bare = ~pulled[order]
+    # up to where the source most often does as the rule would: bare before, retracted beyond
+    right = np.concatenate([[0], np.cumsum(np.where(bare, 1, -1))])
+    kept = int(np.argmax(right))
+    seen = int(bare[:kept].sum())
+    if seen < least or seen < HABIT_SHARE * kept:
+        return 0.0
+    return float(np.ceil(1000.0 * length[order[:kept][bare[:kept]]].max()) / 1000.0)

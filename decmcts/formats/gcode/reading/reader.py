@@ -20,19 +20,27 @@ from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, inte
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
-from decmcts.formats.gcode.reading.combing import with_bare_travels
 from decmcts.formats.gcode.reading.dots import with_dots_apart
 from decmcts.formats.gcode.reading.edges import state_edges
-from decmcts.formats.gcode.reading.gaps import Blocks, cursor_at, find_blocks
+from decmcts.formats.gcode.reading.gaps import (
+    Blocks,
+    cursor_at,
+    due_at_begins,
+    find_blocks,
+    gaps_of,
+    net_before,
+    net_behind,
+)
 from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsafe
 from decmcts.formats.gcode.reading.habits import (
     filament_diameter,
     infer_settings,
     pulled_gaps,
+    with_bare_travels,
 )
-from decmcts.formats.gcode.reading.ledger import due_at_begins, gaps_of, net_before, net_behind
 from decmcts.formats.gcode.text.lines import Lines, above_comments, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.formats.slicers.known import either, together
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
@@ -41,10 +49,8 @@ from decmcts.print.motion import limits_of
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
 REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after
 _PACKED = re.compile(r"\.gz$|(?<=\.gcode)\.3mf$", re.I)
-_SLICERS = re.compile(
-    rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
-    rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
-)
+_SIGNS = together("signs")
+_SLICERS = re.compile(rb"(%b)[ ,]*(?:Version )?([\w.+-]*)" % either("signs"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,35 +103,21 @@ def read_gcode(
     return job, document if text is None else replace(document, text=text)
 
 
-def read_result(
-    path: Path | str, plate: int | None = None
-) -> tuple[PrintJob, GcodeDocument, Motions]:
-    """Read a file as `read_gcode` and as `read_motions`, parsed once."""
-    job, document = read_gcode(path, plate)
-    assert document.moves is not None
-    return job, document, document.moves
-
-
 def read_written(
     path: Path | str, document: GcodeDocument, plate: int | None = None
 ) -> tuple[PrintJob, GcodeDocument, Motions, Ending]:
-    """Read a file made from `document` as `read_result` and as `ending_of`, parsed once."""
+    """Read a file made from `document`, its moves, and what it leaves to the end code, at once.
+
+    Raises
+    ------
+    InputError
+        As `read_gcode`, and when the file does not end with the end G-code of `document`.
+    """
     parsed = _parse(path, plate)
     ending = _ending(parsed, document, path)
     job, ours = _print_of(parsed, path, plate)
     assert ours.moves is not None
     return job, ours, ours.moves, ending
-
-
-def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
-    """Return what a file made from `document` leaves to the end G-code.
-
-    Raises
-    ------
-    InputError
-        When the file does not end with the end G-code of `document`.
-    """
-    return _ending(_parse(path), document, path)
 
 
 def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Ending:
@@ -330,8 +322,8 @@ def _slicer(text: bytes) -> str:
     match = _SLICERS.search(text[:20000]) or _SLICERS.search(text[-40000:])
     if match is None:
         return ""
-    words = [part.decode("ascii", "replace") for part in match.groups()]
-    return " ".join(words).replace("Cura_SteamEngine", "Cura").replace("(R)", "").strip()
+    name, version = (part.decode("ascii", "replace") for part in match.groups())
+    return f"{_SIGNS[name]} {version}".strip()
 
 
 def _notes(

@@ -8,27 +8,15 @@ Of temperatures that name none it may get more, see `decmcts.formats.gcode.writi
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
-import numpy as np
-
-from decmcts.formats.gcode.controller.motion import interpret
 from decmcts.formats.gcode.dialects.stated_times import without_progress
-from decmcts.formats.gcode.text.lines import split_lines
 from decmcts.formats.gcode.writing.hot_ends import OWN, Hears, hears, hot_end_command, selected_by
+from decmcts.formats.gcode.writing.own_filament import E_WORD, FILAMENT, MOVE, relative_after
 
-_MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 _HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
-_E_WORD = re.compile(rb"^[^;(]*?E\s*([-+]?[0-9.]+)", re.I)
-_E_MODE = re.compile(rb"^\s*(?:N\d+\s*)?(M8[23]|G9[01])(?![0-9.])", re.I)
-_SETS_E = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(]*E", re.I)
 _FOR_TOOL = re.compile(
     rb"^(\s*(?!M0*(?:20[1-5]|593)(?![0-9.]))[MG]\d[^;]*?)(?:(?<!\s)\s++|(?<=[0-9.]))T(\d++)(?=[\s;A-Z(]|$)",
     re.I,
-)
-_FILAMENT = re.compile(
-    rb"^\s*(?:N\d+\s*)?G0*(?:[01](?![0-9.])(?=[^;(]*E)|1[01](?![0-9.])(?![^;(]*L))", re.I
 )
 
 
@@ -60,14 +48,14 @@ def own_lines(
     """
     kept: list[bytes] = []
     for line in without_progress(text):
-        relative_e = _relative_after(line, relative_e)
+        relative_e = relative_after(line, relative_e)
         others = selected is not None and selected != tool
-        moves = _MOVE.match(line) or (not keep_homing and _HOMING.match(line))
-        if moves or ((others or not fed) and _FILAMENT.match(line)):
+        moves = MOVE.match(line) or (not keep_homing and _HOMING.match(line))
+        if moves or ((others or not fed) and FILAMENT.match(line)):
             why = b"another head's tool" if others else b"another head's bead"
             why = b"heads share the bed" if moves else why
             kept.append(b"; left out, " + why + b": " + line)
-            if (e := _E_WORD.match(line)) and not relative_e:  # later E words count from here
+            if (e := E_WORD.match(line)) and not relative_e:  # later E words count from here
                 kept.append((b"" if line.endswith(b"\n") else newline) + b"G92 E" + e.group(1))
                 kept.append(newline)
         elif (chosen := selected_by(line)) is not None:
@@ -89,49 +77,3 @@ def _for_own_tool(line: bytes, tool: int | None, told: Hears | None) -> bytes:
     if named or (told is not None and not hears(told, hot_end_command(line))):
         return b"; left out, another head's tool: " + line
     return line
-
-
-def pushed_by_moves(text: bytes, path: Path | str) -> float:
-    """Return the filament, mm, that the moves of start code along an axis push: purge lines."""
-    lines = split_lines(text, path)
-    motion = interpret(lines)
-    moves = [bool(_MOVE.match(lines.raw(line))) for line in motion.line.tolist()]
-    return float(motion.extrusion[np.array(moves, np.bool_) & (motion.extrusion > 0.0)].sum())
-
-
-def pushes(text: bytes) -> bool:
-    """Tell whether some of these lines push or pull filament."""
-    return any(map(_FILAMENT.match, text.splitlines()))
-
-
-def owed_after(
-    text: bytes, owed: float, *, e: float, relative_e: bool, e_area: float = 0.0
-) -> float:
-    """Return how much filament, mm, is retracted behind lines above which `owed` is.
-
-    E stands at `e` there; it is in mm³ where it is volumetric, of filament of `e_area` mm².
-    """
-    for value, sets in _e_words(text, relative_e):
-        if sets:
-            e = value
-            continue
-        to = e + value if sets is None else value
-        owed, e = max(0.0, owed - (to - e) / (e_area or 1.0)), to
-    return owed
-
-
-def _e_words(text: bytes, relative_e: bool) -> Iterator[tuple[float, bool | None]]:
-    """Yield each E word: (where E is set, True), (where it goes, False), (by how much, None)."""
-    for line in text.splitlines():
-        relative_e = _relative_after(line, relative_e)
-        word = _E_WORD.match(line)
-        if word and _SETS_E.match(line):
-            yield float(word.group(1)), True
-        elif word and _FILAMENT.match(line):
-            yield float(word.group(1)), None if relative_e else False
-
-
-def _relative_after(line: bytes, relative_e: bool) -> bool:
-    """Return how E counts after a line: M82, M83 and, as in Marlin, G90 and G91 say so."""
-    mode = _E_MODE.match(line)
-    return relative_e if mode is None else mode.group(1).upper() in (b"M83", b"G91")

@@ -10,20 +10,15 @@ move, so one head goes after the other.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count
 
 import numpy as np
 
-from decmcts.errors import InputError
-from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, JointPlan
 from decmcts.print.signals import Action, Place, place_of, signals_of
-from decmcts.print.sync_words import SyncWords, pattern_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,32 +80,6 @@ def number_sync_points(
         signals.apart,
         _counted(len(plan.heads), numbers, done, ended),
     )
-
-
-def refuse_words(document: GcodeDocument, words: SyncWords) -> None:
-    """Raise InputError where a source has a line with which heads' files signal or wait."""
-    patterns = [re.compile(pattern_of(line)) for line in (words.signal, words.passed, words.wait)]
-    for row, line in _own_rows(document):
-        code = " ".join(row.split(";", 1)[0].split())
-        if any(pattern.fullmatch(code) for pattern in patterns):
-            raise InputError(
-                f"'{code}' is a line with which heads' files signal or wait",
-                path=document.path,
-                line=line,
-                advice="remove it from the custom G-code, or give the machine other `words`",
-            )
-
-
-def _own_rows(document: GcodeDocument) -> Iterator[tuple[str, int | None]]:
-    """Yield what of a source stands in files as it is, with its line (from 1) where known."""
-    parts = [(document.preamble, 1), *((block.text, block.line) for block in document.blocks)]
-    for text, first in parts:
-        yield from zip(_rows(text), count(first), strict=False)
-    yield from ((row, None) for row in (*_rows(document.postamble), *document.states.values))
-
-
-def _rows(text: bytes) -> list[str]:
-    return text.decode("utf-8", "surrogateescape").split("\n")
 
 
 def _counted(
