@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
+from decmcts.print.cut import cuts_of
 from decmcts.print.plan import ActionKind, PlanDocument
-from decmcts.print.welds import cuts_of
 from sim.pictures.canvas import head_colour
 from sim.pictures.layer_view import lighter
 

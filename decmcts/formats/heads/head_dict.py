@@ -2,23 +2,32 @@
 
 A new kind of head shape gets its keys here, for machine files and plan.json at once. The motion
 limits of a machine are read here too; of what idle heads do, what is left out is the source's.
+
+A polygon of a slice must be convex, counter-clockwise and simple: the tests for clearance rely on
+it (Minkowski sums of convex polygons). A file that breaks it is refused rather than repaired: a
+hull would make the head larger than the user meant, a reversed ring may hide swapped axes.
+
+A head's name becomes part of a file's name and of that file's header, `STEM_NAME.gcode`, and
+`; head NAME, file 1 of 2: to be run together`. So what no file system takes, or no line of comment
+holds, is refused.
 """
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import asdict, fields
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from decmcts.formats.files.bounds import LARGEST_MM
-from decmcts.formats.files.fields import Fields, points, shown
+from decmcts.formats.files.fields import Fields, fail, points, shown
 from decmcts.formats.heads.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.heads.clearances import TALLEST_NOZZLE_MM, clearance_head
-from decmcts.formats.heads.head_name import head_name
-from decmcts.formats.heads.head_polygon import check_polygon, covers_nozzle
 from decmcts.print.idle import Idle
 from decmcts.print.machine import Body, Head, MotionLimits, Slice
 
@@ -34,6 +43,12 @@ MOST_MM = 20.0  # of filament; more pulls it out of the hot end
 _LEAST_S = 1.0
 _LEAST_C_S = 0.01
 _MAY_BE_ZERO = ("jerk", "junction_deviation")
+MOST_BYTES = 64  # in UTF-8; file systems take 255 for the whole name
+_FORBIDDEN = frozenset('/\\:*?"<>|')
+_RULE = (
+    f"a name is 1 to {MOST_BYTES} bytes, no blank at its ends, no control characters"
+    f" and none of {' '.join(sorted(_FORBIDDEN))}: it becomes part of a file's name"
+)
 
 
 def head_to_dict(head: Head) -> dict[str, Any]:
@@ -233,3 +248,72 @@ def _limit(table: Fields, name: str, usual: Any) -> Any:
     if least == 0.0 and name not in _MAY_BE_ZERO:
         table.fail(name, "0 would never arrive")
     return value
+
+
+def check_polygon(polygon: NDArray[np.float64], where: str, path: Path | str | None = None) -> None:
+    """Raise InputError unless (k, 2) `polygon` is convex, counter-clockwise and simple."""
+    if len(polygon) < 3:
+        fail(where, f"{len(polygon)} points are no polygon, 3 are needed", path)
+    repeated = np.flatnonzero((polygon == np.roll(polygon, -1, axis=0)).all(axis=1))
+    if len(repeated):
+        k, n = int(repeated[0]), len(polygon)
+        fail(where, f"point {(k + 1) % n + 1} repeats point {k + 1}", path, "name each corner once")
+    if not shapely.LinearRing(polygon).is_simple:
+        fail(where, "it crosses or touches itself", path)
+    turns = _turns(polygon)
+    if _area(polygon) == 0.0:
+        fail(where, "it has no area", path)
+    if (turns <= 0.0).all():
+        fail(where, "it runs clockwise (inside out)", path, "list its corners counter-clockwise")
+    if (turns < 0.0).any():
+        corner = int(np.flatnonzero(turns * np.sign(_area(polygon)) < 0.0)[0])
+        x, y = polygon[corner]
+        advice = "split it into convex polygons"
+        fail(where, f"it is concave at corner {corner + 1} ({x:g}, {y:g})", path, advice)
+
+
+def covers_nozzle(polygon: NDArray[np.float64]) -> bool:
+    """Tell whether the origin lies in a convex counter-clockwise polygon, edges included."""
+    return bool((_crossed(polygon) >= 0.0).all())
+
+
+def inner_radius(polygon: NDArray[np.float64]) -> float:
+    """Return the distance of the origin to the nearest side, below 0 outside."""
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    return float((_crossed(polygon) / np.linalg.norm(sides, axis=1)).min())
+
+
+def _turns(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (k,) cross products at the corners: positive turns left."""
+    into = polygon - np.roll(polygon, 1, axis=0)
+    out = np.roll(polygon, -1, axis=0) - polygon
+    return np.asarray(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0])
+
+
+def _area(polygon: NDArray[np.float64]) -> float:
+    return float(_crossed(polygon).sum() / 2.0)
+
+
+def _crossed(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (k,) cross products of each corner and the next."""
+    ahead = np.roll(polygon, -1, axis=0)
+    return np.asarray(polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0])
+
+
+def head_name(table: Fields) -> str:
+    """Return the name of a head; raises InputError for one that no file can have."""
+    name = table.text("name")
+    bad = next((c for c in name if c in _FORBIDDEN or not c.isprintable()), None)
+    if bad is not None:
+        table.fail("name", f"{bad!r} cannot be in a head's name", _RULE)
+    if not name or name != name.strip():
+        table.fail("name", f"{shown(name)} is empty or has a blank at an end", _RULE)
+    size = len(name.encode())
+    if size > MOST_BYTES:
+        table.fail("name", f"{shown(name)} is {size} bytes long", _RULE)
+    return name
+
+
+def as_file_systems_see(name: str) -> str:
+    """Return what two names share that are one file where case does not count."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())

@@ -16,8 +16,13 @@ import numpy as np
 
 from decmcts.formats.files.fields import Fields, fail, shown
 from decmcts.formats.files.names import in_one_line
-from decmcts.formats.heads.head_dict import head_from, head_to_dict, limits_from, limits_to_dict
-from decmcts.formats.heads.head_name import as_file_systems_see
+from decmcts.formats.heads.head_dict import (
+    as_file_systems_see,
+    head_from,
+    head_to_dict,
+    limits_from,
+    limits_to_dict,
+)
 from decmcts.print.machine import Body, Machine, MotionLimits, Rail, Release
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 

@@ -24,7 +24,7 @@ from decmcts.formats.heads.clearances import (
     clearance_machine,
     read_clearances,
 )
-from decmcts.formats.heads.head_polygon import inner_radius
+from decmcts.formats.heads.head_dict import inner_radius
 from decmcts.formats.machines.machine_file import (
     load_machine,
     preset_by_clearances,

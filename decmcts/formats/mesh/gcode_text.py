@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.dialects.roles import CANONICAL
+from decmcts.formats.gcode.dialects.dialect import CANONICAL
 from decmcts.formats.mesh.options import SliceOptions
 from decmcts.formats.mesh.sections import Layers, find_shells
 from decmcts.formats.mesh.toolpaths import Bead, layer_beads, skirt_beads

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.geometry.loops import Rotated
 from decmcts.errors import InputError
-from decmcts.formats.gcode.writing.stretches import Stretch
+from decmcts.formats.gcode.writing.parts import Stretch
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
 from decmcts.print.job import PrintJob

@@ -36,13 +36,13 @@ from decmcts.planning.team.idling import with_idling
 from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
+from decmcts.print.cut import late_contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.plan import PlanDocument
 from decmcts.print.seam import SeamEntries
 from decmcts.print.toolpath import Toolpath
-from decmcts.print.welds import late_contours
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.placing import place_that_fits

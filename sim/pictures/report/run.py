@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from decmcts.print.happened import happened
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog
+from decmcts.print.print_state import happened
 from sim.pictures.report.facts import CarriedOut, Told
 from sim.pictures.report.page import write_report
 

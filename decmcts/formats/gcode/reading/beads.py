@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from decmcts._kernels.gcode.contours import MOVED, heaviest_label
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
-from decmcts.formats.gcode.dialects.roles import role_of
+from decmcts.formats.gcode.dialects.dialect import role_of
 from decmcts.formats.gcode.document import StateTable
-from decmcts.formats.gcode.reading.dots import beyond_retracted
-from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.reading.grouping import Runs, beyond_retracted
 from decmcts.print.contours import Role
 
 DEFAULT_WIDTH_MM = 0.45

@@ -18,8 +18,7 @@ from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
-from decmcts.formats.gcode.reading.dots import REFILLS
-from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.reading.grouping import REFILLS, Runs
 
 DOWN_MM = 1e-3  # heights nearer than that are one
 _WHOLE: Key = ("", "")  # what a command sets that is said whole

@@ -38,35 +38,40 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Gaps:
-    """Filament between contours k and k + 1, each (n - 1,)."""
+    """What lies between contours k and k + 1, each (n - 1,)."""
 
+    begin: NDArray[np.int64]  # its first move,
+    end: NDArray[np.int64]  # and the move behind its last
     tool: NDArray[np.int64]  # in use where the gap ends
     changes: Bools  # another tool was in use where it begins
     net: Floats  # pushed less pulled, mm, by all tools
     depth: Floats  # most that is pulled and not pushed back within it, mm
+    firmware: Bools  # the firmware retracts in it
+
+    @property
+    def pulled(self) -> Bools:
+        """Whether the source retracts there."""
+        return np.asarray(self.firmware | (self.depth > PULLED))
 
 
 def gaps_of(motion: Motion, runs: Runs) -> Gaps:
     """Return the book of a source's gaps; linear in its moves."""
     begin, end = runs.last[:-1] + 1, runs.first[1:]
-    total = totals(motion)
+    total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])  # pushed less pulled before moves
     tool = motion.modes[motion.line, TOOL].astype(np.int64)
     lowest = total[begin]
     if len(begin):
         pairs = np.stack([begin, end + 1], axis=1).ravel()
         lowest = np.minimum.reduceat(np.append(total, np.inf), pairs)[::2]
+    retracted = np.concatenate([[0], np.cumsum(motion.modes[:, FIRMWARE_RETRACTED])])
     return Gaps(
-        tool[runs.first[1:]], tool[runs.first[1:]] != tool[runs.last[:-1]],
-        total[end] - total[begin], total[begin] - lowest,
+        begin, end, tool[end], tool[end] != tool[runs.last[:-1]], total[end] - total[begin],
+        total[begin] - lowest,
+        retracted[motion.line[end]] > retracted[motion.line[runs.last[:-1]] + 1],
     )  # fmt: skip
 
 
-def totals(motion: Motion) -> Floats:
-    """Return the filament pushed less what is pulled before each move and behind all, (m + 1,)."""
-    return np.concatenate([[0.0], np.cumsum(motion.extrusion)])
-
-
-def deposits(motion: Motion, runs: Runs, gaps: Gaps) -> Bools:
+def deposits(motion: Motion, gaps: Gaps) -> Bools:
     """Tell which gaps leave filament that no contour has, (n - 1,).
 
     Beyond what the tool usually leaves, be it nothing, or what a restart distance adds. In
@@ -81,16 +86,16 @@ def deposits(motion: Motion, runs: Runs, gaps: Gaps) -> Bools:
     over = net > np.maximum(usual, 0.0) + DEPOSIT_MM
     under = net < np.minimum(usual, 0.0) - DEPOSIT_MM
     found = kept & (over | under)
-    found[gaps.changes] = _left_by_changes(motion, runs, gaps)
+    found[gaps.changes] = _left_by_changes(motion, gaps)
     return np.asarray(found)
 
 
-def _left_by_changes(motion: Motion, runs: Runs, gaps: Gaps) -> Bools:
+def _left_by_changes(motion: Motion, gaps: Gaps) -> Bools:
     """Tell which of the gaps with a change of tools leave filament, in their order."""
     held: dict[int, float] = {}  # net of each tool since its last contour
     found = []
     for k in np.flatnonzero(gaps.changes).tolist():
-        span = slice(int(runs.last[k]) + 1, int(runs.first[k + 1]))
+        span = slice(int(gaps.begin[k]), int(gaps.end[k]))
         for tool, filament in zip(
             motion.modes[motion.line[span], TOOL].tolist(), motion.extrusion[span].tolist(),
             strict=True,
@@ -189,7 +194,7 @@ def find_blocks(
     whole = np.zeros(n, np.bool_)
     whole[1:] = towers[1:] & towers[:-1]
     held = np.zeros(n, np.bool_)
-    held[1:] = deposits(motion, runs, gaps) | unsettled(gaps, _unknown(track, begin, end))
+    held[1:] = deposits(motion, gaps) | unsettled(gaps, _unknown(track, begin, end))
     whole |= held
     walls = np.fromiter(track.barriers, np.int64, len(track.barriers))
     low, high = np.searchsorted(walls, begin), np.searchsorted(walls, end)

@@ -13,7 +13,7 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
+from decmcts._kernels.gcode.moves import TOOL
 from decmcts._kernels.geometry.walls import SAME_Z_MM
 from decmcts._kernels.motion.blocks import TRAVELLING
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
@@ -92,11 +92,9 @@ def infer_settings(
     delta = np.diff(motion.points, axis=0)
     travel = moves.gap & ~moves.still & ~moves.pull & ~moves.push
     upright = moves.gap & moves.still & ~moves.pull & ~moves.push & (np.abs(delta[:, 2]) > 1e-9)
-    pulled = pulled_gaps(motion, runs, gaps)
-    length = np.linalg.norm(
-        motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
-    )
-    of_tool = _retractions(lines, motion, runs, gaps, track, moves, pulled)
+    pulled = gaps.pulled
+    length = np.linalg.norm(motion.points[gaps.end] - motion.points[gaps.begin], axis=1)
+    of_tool = _retractions(lines, motion, runs, gaps, track, moves)
     usual = max(of_tool, key=lambda tool: (of_tool[tool][1], -tool))
     retracts = np.isin(gaps.tool, [t for t, (one, _) in of_tool.items() if _any_of(one)])
     settings = ProcessSettings(
@@ -152,15 +150,13 @@ def _any_of(retraction: Retraction) -> bool:
 
 
 def _retractions(
-    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track, moves: _GapMoves,
-    pulled: NDArray[np.bool_],
+    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track, moves: _GapMoves
 ) -> dict[int, tuple[Retraction, int]]:  # fmt: skip
     """Return how each tool retracts between contours of its own, and how many it prints.
 
     A tool that shows no retraction there has none: what it pulls for a change of tools is no
     habit, and no more may be pulled than the source does.
     """
-    firmware = _firmware(motion, runs)
     of_contour = motion.modes[motion.line[runs.first], TOOL].astype(np.int64)
     found: dict[int, tuple[Retraction, int]] = {}
     for tool, count in zip(
@@ -172,24 +168,19 @@ def _retractions(
             for way in (moves.pull, moves.push)
         )
         amount = _usual_pull(gaps.depth[own])
-        by_firmware = bool(firmware[own].sum() * 2 > max(1, pulled[own].sum()))
+        by_firmware = bool(gaps.firmware[own].sum() * 2 > max(1, gaps.pulled[own].sum()))
         if by_firmware:
             last = int(runs.last[np.flatnonzero(of_contour == tool)[-1]])
             amount, feeds = _told_to_firmware(lines, track, int(motion.line[last]))
         wiping = moves.gap & made & ~moves.still & moves.pull
         found[tool] = (
             Retraction(
-                amount, feeds[0], feeds[1], _hop(motion, runs, pulled & own), by_firmware,
-                **_wipe(motion, runs, wiping, moves.across, pulled & own),
+                amount, feeds[0], feeds[1], _hop(motion, gaps, gaps.pulled & own), by_firmware,
+                **_wipe(motion, gaps, wiping, moves.across, gaps.pulled & own),
             ),
             count,
         )  # fmt: skip
     return found
-
-
-def pulled_gaps(motion: Motion, runs: Runs, gaps: Gaps) -> NDArray[np.bool_]:
-    """Tell between which contours the source retracts, (n - 1,)."""
-    return np.asarray(_firmware(motion, runs) | (gaps.depth > PULLED))
 
 
 def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
@@ -232,13 +223,6 @@ def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) ->
     return bool(((lines.letter[span] == letter) & (lines.code[span] == code)).any())
 
 
-def _firmware(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
-    """Tell which gaps contain a firmware retraction, (n - 1,)."""
-    on = np.concatenate([[0], np.cumsum(motion.modes[:, FIRMWARE_RETRACTED])])
-    begin, end = motion.line[runs.last[:-1]] + 1, motion.line[runs.first[1:]]
-    return np.asarray(on[end] > on[begin])
-
-
 def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
     """Return the travel length that best parts retracted from plain travels.
 
@@ -255,9 +239,9 @@ def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
     return min(best, LONGEST_BARE_MM)
 
 
-def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:
+def _hop(motion: Motion, gaps: Gaps, pulled: NDArray[np.bool_]) -> float:
     """Return how far retracted travels rise above both their ends."""
-    begin, end = runs.last[:-1] + 1, runs.first[1:]  # points: where a gap starts and stops
+    begin, end = gaps.begin, gaps.end  # points: where a gap starts and stops
     pairs = np.stack([begin, end + 1], axis=1).ravel()
     if not len(pairs) or not pulled.any():
         return 0.0
@@ -268,13 +252,13 @@ def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:
 
 
 def _wipe(
-    motion: Motion, runs: Runs, wiping: NDArray[np.bool_], across: NDArray[np.float64],
+    motion: Motion, gaps: Gaps, wiping: NDArray[np.bool_], across: NDArray[np.float64],
     pulled: NDArray[np.bool_],
 ) -> dict[str, float]:  # fmt: skip
     """Return the settings of the usual wipe; none when most gaps have none."""
     run = np.concatenate([[0.0], np.cumsum(np.where(wiping, across, 0.0))])
     taken = np.concatenate([[0.0], np.cumsum(np.where(wiping, -motion.extrusion, 0.0))])
-    begin, end = runs.last[:-1] + 1, runs.first[1:]
+    begin, end = gaps.begin, gaps.end
     length, filament = run[end] - run[begin], taken[end] - taken[begin]
     has = length > 1e-3
     if not has.any() or has.sum() * 2 < pulled.sum():

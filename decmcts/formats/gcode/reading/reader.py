@@ -20,7 +20,6 @@ from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, inte
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
-from decmcts.formats.gcode.reading.dots import with_dots_apart
 from decmcts.formats.gcode.reading.edges import state_edges
 from decmcts.formats.gcode.reading.gaps import (
     Blocks,
@@ -31,11 +30,10 @@ from decmcts.formats.gcode.reading.gaps import (
     net_before,
     net_behind,
 )
-from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsafe
+from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsafe, with_dots_apart
 from decmcts.formats.gcode.reading.habits import (
     filament_diameter,
     infer_settings,
-    pulled_gaps,
     with_bare_travels,
 )
 from decmcts.formats.gcode.text.lines import Lines, above_comments, command_of, split_lines
@@ -147,7 +145,7 @@ def _print_of(
     blocks = find_blocks(lines, motion, parsed.track, runs, gaps, edges=edges, towers=towers)
     contours, point_state, point_arc = _contours(parsed, blocks, one_way)
     settings, habits = infer_settings(lines, motion, runs, gaps, parsed.track)
-    settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs, gaps))
+    settings = with_bare_travels(lines.text, contours, settings, gaps.pulled)
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
     start = cursor_at(motion, parsed.track, top, owed=net_behind(motion, runs, top))

@@ -61,7 +61,6 @@ from decmcts.formats.gcode.writing.head_refusals import (
     refuse_own_moves,
     refuse_points,
 )
-from decmcts.formats.gcode.writing.head_waits import HeadWaits
 from decmcts.formats.gcode.writing.hot_ends import (
     Hears,
     HotEndTold,
@@ -70,10 +69,9 @@ from decmcts.formats.gcode.writing.hot_ends import (
     source_heats,
     told_to,
 )
-from decmcts.formats.gcode.writing.own_filament import OwnFilament, feeds_one_bead
 from decmcts.formats.gcode.writing.own_header import with_header
-from decmcts.formats.gcode.writing.own_lines import own_lines
-from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
+from decmcts.formats.gcode.writing.own_lines import OwnFilament, feeds_one_bead, own_lines
+from decmcts.formats.gcode.writing.sync_points import HeadWaits, SyncPoints, number_sync_points
 from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob

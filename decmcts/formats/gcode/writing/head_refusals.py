@@ -11,7 +11,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.formats.gcode.writing.hot_ends import refuse_cold
-from decmcts.formats.gcode.writing.own_filament import pushed_by_moves
+from decmcts.formats.gcode.writing.own_lines import pushed_by_moves
 from decmcts.formats.gcode.writing.sync_points import SyncPoints
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine

@@ -26,16 +26,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.dialects.dialect import Kind, classify
+from decmcts.formats.gcode.dialects.dialect import classify
 from decmcts.formats.gcode.document import Block, GcodeDocument, Motions, OwnStart
-from decmcts.formats.gcode.text.lines import command_of
+from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import (
+    HELD,
     OWN,
     hot_end_command,
+    said_in,
     said_to_hot_ends,
-    selected_by,
     told_to,
-)
+    unknown_row,
+)  # fmt: skip
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 
@@ -43,7 +45,6 @@ _QUIET = re.compile(
     rb"(?:G0*(?:[0-4]|1[01](?![^;]*[PL])|9[01])|M(?:400|8[23]|220))(?![0-9.])|G92 *E", re.I
 )  # moves, dwells, how coordinates count and how fast moves are meanwhile
 _FACTOR = re.compile(rb"M220(?![0-9.])", re.I)  # the speed's: what is in force, goes with beads
-_HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force goes with beads
 DIGITS = 5  # of filament, as many as files have
 MOST_MM = 2.0  # of filament that a change pushes or pulls in all; more is a purge, or a macro's
 PRIMES_MM = 0.01  # of filament; less is rounding
@@ -102,8 +103,8 @@ def _is_change(block: Block) -> bool:
 
 def _is_own(block: Block) -> bool:
     """Tell whether a block is a change of tools, or heats or cools hot ends for one."""
-    commands = list(filter(None, map(command_of, block.text.split(b"\n"))))
-    return _is_change(block) or (bool(commands) and all(hot_end_command(code) for code in commands))
+    commands = commands_of(block.text)
+    return _is_change(block) or (bool(commands) and all(map(hot_end_command, commands)))
 
 
 def _foreign(block: Block) -> str:
@@ -112,12 +113,9 @@ def _foreign(block: Block) -> str:
         return "a wipe tower is printed at changes of tools (--without-tower leaves it out)"
     if block.begin.relative_e != block.end.relative_e:
         return f"how E counts is another behind line {block.line}"
-    for k, row in enumerate(block.text.split(b"\n")):
-        code = command_of(row)
-        known = selected_by(code) is not None or hot_end_command(code) or _QUIET.match(code)
-        if code and not known and classify(row).kind not in (Kind.NOTHING, *_HELD):
-            text = code[:40].decode("utf-8", "replace")
-            return f"what '{text}' (line {block.line + k}) does at a change of tools is not known"
+    if found := unknown_row(block.text, _QUIET):
+        where, text = block.line + found[0], found[1]
+        return f"what '{text}' (line {where}) does at a change of tools is not known"
     return ""
 
 
@@ -143,9 +141,8 @@ class _Heat:
         every = told_to(document, job) == "all"
         told: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
         touched = dict[int, set[int]]()
-        for epoch, selected, command in said_to_hot_ends(document):
-            named = selected if command.tool is None else command.tool
-            for tool in tools if every and command.tool is None else [named]:
+        for epoch, named, command in said_to_hot_ends(document):
+            for tool in tools if every and not named else [command.tool]:
                 told.setdefault(tool, []).append((epoch, command.degrees))
                 touched.setdefault(epoch, set()).add(tool)
         pairs = {t: np.unique(job.contours.epoch[job.contours.tool == t]).tolist() for t in tools}
@@ -233,7 +230,7 @@ def _own_starts(
 
 
 def _goes_with_beads(row: bytes) -> bool:
-    return classify(row).kind in _HELD or _FACTOR.match(command_of(row)) is not None
+    return classify(row).kind in HELD or _FACTOR.match(command_of(row)) is not None
 
 
 def _nets(job: PrintJob, moves: Motions, behind: Iterable[int]) -> dict[int, float]:
@@ -311,15 +308,11 @@ def _practices(
 
 def _last_told(block: Block, tool: int) -> float | None:
     """Return what a block last tells a tool's hot end, degrees; None: nothing."""
-    told, selected = None, block.begin.tool
-    for row in block.text.split(b"\n"):
-        command = command_of(row)
-        if (chosen := selected_by(command)) is not None:
-            selected = chosen
-        heat = hot_end_command(command)
-        if heat and tool == (selected if heat.tool is None else heat.tool):
-            told = heat.degrees
-    return told
+    commands = b"\n".join(commands_of(block.text))
+    heard = [
+        heat.degrees for _, _, heat in said_in(commands, block.begin.tool) if heat.tool == tool
+    ]
+    return heard[-1] if heard else None
 
 
 def _renamed(notes: tuple[str, ...], places: int) -> list[str]:
