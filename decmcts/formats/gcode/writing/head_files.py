@@ -51,7 +51,6 @@ from typing import BinaryIO, TextIO
 
 import numpy as np
 
-from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Cursor, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.beads import Beads, Point
@@ -75,13 +74,11 @@ from decmcts.formats.gcode.writing.sync_points import HeadWaits, SyncPoints, num
 from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Release
+from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.stands import primed_before, standby_in, stands_of
-from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from decmcts.print.walls import walls_for
 
-USUAL_IDLE = Idle()
 OVER_PRINTED_MM = 5.0  # above what stands on the bed already, from start code to the park position
 _PRINT, _TRAVEL, _PARK, _WAIT = map(int, ActionKind)  # plain numbers compare faster
 
@@ -93,31 +90,19 @@ def write_head_gcode(
     head_index: int,
     out: Path | str | BinaryIO | TextIO,
     *,
+    machine: Machine,
     header_lines: Sequence[str] = (),
-    words: SyncWords = USUAL_WORDS,
-    park: tuple[float, float, float] | None = None,
-    release: Release = "action",
-    interval_s: float = 0.0,
     points: SyncPoints | None = None,
-    idle: Idle = USUAL_IDLE,
 ) -> None:
     """Write the file of one head of a plan.
 
     Parameters
     ----------
-    park : tuple of float | None
-        Where the head stands while it has no action; needed where it has none
-        at all, since homing leaves it where no plan looked.
-    words : SyncWords
-        The lines of synchronisation points.
-    release : "point" or "action"
-        What the machine's controllers can signal.
-    interval_s : float
-        The least time between two signals of a head, where they signal points.
+    machine : Machine
+        The plan's: the words of its synchronisation points, what its controllers can signal, and
+        where each head parks and what it does where it stands idle.
     points : SyncPoints | None
         The plan's synchronisation points (`number_sync_points`), where they are known already.
-    idle : Idle
-        What the head does where it stands idle.
 
     Raises
     ------
@@ -126,21 +111,20 @@ def write_head_gcode(
         controller cannot, when the source moves the head
         by commands of its own during the print, or when `out` cannot be written.
     """
-    head = plan.heads[head_index]
+    head, release = plan.heads[head_index], machine.release
+    own = machine.head(head.head)
     refuse_own_moves(document, job)
     tool = only_tool(document, job, head)
-    home = tuple(head.action_path(0)[0].tolist()) if len(head) else park
-    if home is None:
-        raise InputError(f"head {head.head} has nothing to do and no park position is given")
-    apart_s = interval_s if release == "point" else 0.0
+    apart_s = machine.signal_interval_s if release == "point" else 0.0
     if points is None:
         points = number_sync_points(plan, job, release, apart_s)
     if release == "action":
         refuse_points(points, plan)
-    file = _HeadFile(document, job, head, tool, idle)
-    file.waits = HeadWaits(file.emitter, points, words, head_index, apart_s)
+    file = _HeadFile(document, job, head, tool, own.idle)
+    file.waits = HeadWaits(file.emitter, points, machine.words, head_index, apart_s)
     place = f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together"
-    file.begin([*header_lines, place], home)
+    x, y, z = head.action_path(0)[0].tolist() if len(head) else own.park
+    file.begin([*header_lines, place], (x, y, z))
     for k in range(len(head)):
         file.act(k)
     file.end()

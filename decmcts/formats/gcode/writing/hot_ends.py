@@ -44,7 +44,13 @@ class HotEnd(NamedTuple):
     degrees: float | None = None  # None: the command has no number
 
 
-Heard = tuple[int, bool, HotEnd]  # epoch, whether the tool is named, and the command with its tool
+class Heard(NamedTuple):
+    """A command to a hot end, in the lines above an epoch."""
+
+    epoch: int
+    tool: int  # named, or selected there
+    named: bool
+    command: HotEnd
 
 
 class HotEndTold:
@@ -118,7 +124,7 @@ def early_heat(text: bytes) -> list[str]:
 
 def source_heats(document: GcodeDocument) -> bool:
     """Say whether the source heats hot ends by commands at all."""
-    return any(command.heats for _, _, command in said_to_hot_ends(document))
+    return any(heard.command.heats for heard in said_to_hot_ends(document))
 
 
 def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
@@ -128,7 +134,7 @@ def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
     """
     for tool, word in _cold_tools(document, job).items():
         first, above = _first_epoch(job, tool), _heated(document, waits=word == "M109")
-        if not any(not named and epoch <= first for epoch, named, _ in above):
+        if not any(not heard.named and heard.epoch <= first for heard in above):
             does = "waits for the heat of" if word == "M109" else "heats"
             raise InputError(
                 f"the source never {does} tool {tool} before it prints with it, and its head has a "
@@ -149,9 +155,9 @@ def _cold_tools(document: GcodeDocument, job: PrintJob) -> dict[int, str]:
         return {}
     for waits in (True, False):
         above = _heated(document, waits=waits)
-        if any(epoch <= job.contours.epoch.min() for epoch, _, _ in above):
+        if any(heard.epoch <= job.contours.epoch.min() for heard in above):
             word, first = "M109" if waits else "M104", {t: _first_epoch(job, t) for t in tools}
-            heard = {heat.tool for epoch, _, heat in above if epoch <= first.get(heat.tool, -1)}
+            heard = {each.tool for each in above if each.epoch <= first.get(each.tool, -1)}
             return {tool: word for tool in tools if tool not in heard}
     return {}
 
@@ -162,10 +168,8 @@ def _first_epoch(job: PrintJob, tool: int) -> int:
 
 def _heated(document: GcodeDocument, *, waits: bool) -> list[Heard]:
     """Return where the source heats hot ends, or with `waits` where it waits for them."""
-    return [
-        heard for heard in said_to_hot_ends(document)
-        if heard[2].heats and heard[2].waits == waits
-    ]  # fmt: skip
+    every = said_to_hot_ends(document)
+    return [each for each in every if each.command.heats and each.command.waits == waits]
 
 
 def said_to_hot_ends(document: GcodeDocument) -> Iterator[Heard]:
@@ -175,9 +179,9 @@ def said_to_hot_ends(document: GcodeDocument) -> Iterator[Heard]:
     """
     yield from said_in(document.preamble, 0)
     for own in document.own_starts:
-        for _, _, command in said_in(own.text, own.selected):
-            if own.tool == command.tool:
-                yield 0, True, command
+        for heard in said_in(own.text, own.selected):
+            if own.tool == heard.tool:
+                yield heard._replace(named=True)
     for block in document.blocks:
         yield from said_in(block.text, block.begin.tool, block.epoch)
 
@@ -188,8 +192,8 @@ def said_in(text: bytes, selected: int, epoch: int = 0) -> Iterator[Heard]:
         if (tool := selected_by(line)) is not None:
             selected = tool
         elif command := hot_end_command(line):
-            named = command.tool is not None
-            yield epoch, named, command if named else command._replace(tool=selected)
+            tool = selected if command.tool is None else command.tool
+            yield Heard(epoch, tool, command.tool is not None, command)
 
 
 def unknown_row(text: bytes, quiet: re.Pattern[bytes]) -> tuple[int, str] | None:

@@ -141,10 +141,10 @@ class _Heat:
         every = told_to(document, job) == "all"
         told: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
         touched = dict[int, set[int]]()
-        for epoch, named, command in said_to_hot_ends(document):
-            for tool in tools if every and not named else [command.tool]:
-                told.setdefault(tool, []).append((epoch, command.degrees))
-                touched.setdefault(epoch, set()).add(tool)
+        for heard in said_to_hot_ends(document):
+            for tool in tools if every and not heard.named else [heard.tool]:
+                told.setdefault(tool, []).append((heard.epoch, heard.command.degrees))
+                touched.setdefault(heard.epoch, set()).add(tool)
         pairs = {t: np.unique(job.contours.epoch[job.contours.tool == t]).tolist() for t in tools}
         return _Heat(told, pairs, touched)
 
@@ -309,10 +309,8 @@ def _practices(
 def _last_told(block: Block, tool: int) -> float | None:
     """Return what a block last tells a tool's hot end, degrees; None: nothing."""
     commands = b"\n".join(commands_of(block.text))
-    heard = [
-        heat.degrees for _, _, heat in said_in(commands, block.begin.tool) if heat.tool == tool
-    ]
-    return heard[-1] if heard else None
+    heard = [each for each in said_in(commands, block.begin.tool) if each.tool == tool]
+    return heard[-1].command.degrees if heard else None
 
 
 def _renamed(notes: tuple[str, ...], places: int) -> list[str]:
