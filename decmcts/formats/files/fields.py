@@ -116,9 +116,9 @@ class Fields:
         """Return a length in mm, from 0, no larger than any printer has."""
         return self.number(key, default, least=0.0, most=LARGEST_MM)
 
-    def integer(self, key: str, *, least: int, below: int, default: int | None = None) -> int:
+    def integer(self, key: str, *, least: int, below: int) -> int:
         """Return an integer in least..below-1."""
-        value = self.need(key) if default is None else self.values.get(key, default)
+        value = self.need(key)
         if type(value) is not int or not least <= value < below:
             self.fail(key, f"expected an integer in {least}..{below - 1}, found {shown(value)}")
         return int(value)

@@ -123,16 +123,16 @@ class Emitter:
 
     def move(self, to: Point, feed: float, filament: float = 0.0) -> None:
         """Move in a straight line, with or without filament."""
-        if filament and feed == self.feed and self.beads((self.at, to), (filament,), 0, 1):
-            return
         x, y, z = self.at
+        across = to[0] != x or to[1] != y
         words = ["G1"]
-        if to[0] != x or to[1] != y:
+        if across:
             words += [f"X{to[0]:{self._xy}}", f"Y{to[1]:{self._xy}}"]
         if to[2] != z:
             words.append(f"Z{to[2]:{self._xy}}")
         if filament:
-            words.append(f"E{self._count(filament, bead=filament > 0.0)}")
+            wiped = feed == self.feed and across and to[2] == z  # on, behind a first segment
+            words.append(f"E{self._count(filament, bead=filament > 0.0 or wiped)}")
         if abs(feed - self.feed) > 1e-9:
             words.append(f"F{self._feed_word(feed)}")
         if len(words) > 1:
@@ -140,33 +140,6 @@ class Emitter:
         if to != self.at:
             self.leave()
         self.at, self.feed = to, feed
-
-    def beads(
-        self, points: Sequence[Sequence[float]], filament: Sequence[float], first: int, last: int
-    ) -> int:
-        """Print segments first..last - 1, k to point k + 1, at the feed and height in force.
-
-        Returns the first that has to be written in another way. All are formatted at once.
-        """
-        (x, y, z), e, spare = self.at, self.e, self.spare
-        words: list[float] = []
-        scale, relative, digits = self._scale, self.relative_e, self._decimals
-        for k in range(first, last + 1):
-            if k == last or not filament[k]:
-                break
-            to_x, to_y, to_z = points[k + 1]
-            if to_z != z or (to_x == x and to_y == y):
-                break
-            amount = filament[k] * scale
-            e += amount
-            if relative:
-                spare += amount - round(amount, digits)
-            words += (to_x, to_y, amount if relative else e)
-            x, y = to_x, to_y
-        if k > first:
-            self.lines.append(self._bead_line * (k - first) % tuple(words))
-            self.at, self.e, self.spare = (x, y, z), e, spare
-        return k
 
     def plain(self, ends: NDArray[np.float64], rounded_off: list[float], feed: float) -> None:
         """Print straight and level from where the head stands, all segments at one feed.

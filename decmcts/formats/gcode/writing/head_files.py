@@ -120,39 +120,39 @@ def write_head_gcode(
         points = number_sync_points(plan, job, release, apart_s)
     if release == "action":
         refuse_points(points, plan)
-    file = _HeadFile(document, job, head, tool, own.idle)
-    file.waits = HeadWaits(file.emitter, points, machine.words, head_index, apart_s)
+    emitter = Emitter(document, job.settings, walls_for(job))
+    waits = HeadWaits(emitter, points, machine.words, head_index, apart_s)
+    file = _HeadFile(emitter, waits, job, head, tool, own.idle)
     place = f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together"
     x, y, z = head.action_path(0)[0].tolist() if len(head) else own.park
     file.begin([*header_lines, place], (x, y, z))
     for k in range(len(head)):
         file.act(k)
     file.end()
-    save_text(file.emitter.text(), out)
+    save_text(emitter.text(), out)
 
 
 class _HeadFile:
     """The file of one head while it is written."""
 
-    waits: HeadWaits
-
     def __init__(
-        self, document: GcodeDocument, job: PrintJob, head: HeadActions, tool: int | None,
-        idle: Idle,
+        self, emitter: Emitter, waits: HeadWaits, job: PrintJob, head: HeadActions,
+        tool: int | None, idle: Idle,
     ) -> None:  # fmt: skip
-        self.emitter = Emitter(document, job.settings, walls_for(job))
+        self.emitter, self.waits, self.document = emitter, waits, emitter.document
         if tool is not None:
-            self.emitter.use(tool)
-        self.document, self.job, self.head, self.tool = document, job, head, tool
-        self.blocks = list(document.blocks)
+            emitter.use(tool)
+        self.job, self.head, self.tool = job, head, tool
+        self.blocks = list(self.document.blocks)
         shared = tool is not None and len(np.unique(job.contours.tool)) > 1
-        self.filament = OwnFilament(self.emitter, document, tool, shared=shared)
-        self.hears = told_to(document, job)
-        self.beads = Beads.of(document, job)
+        self.filament = OwnFilament(emitter, self.document, tool, shared=shared)
+        self.hears = told_to(self.document, job)
+        self.beads = Beads.of(self.document, job)
         self.kinds: list[int] = head.kind.tolist()  # of the head's actions
         self.contours, self.epochs = head.contour.tolist(), job.contours.epoch.tolist()
         self.prints = set(self.contours)
         self.idle, self.practice = idle, idle.over(job.practice(tool))
+        self.stands = stands_of(head, waits.head, job.contours.epoch, idle.after_s)
         self.hot_end = HotEndTold()
         self.primed: list[bool] = primed_before(head, idle.after_s).tolist()
 
@@ -162,7 +162,6 @@ class _HeadFile:
         own_start = document.own_start(self.tool)  # where changes of tools are no walls
         text = document.preamble + (b"" if own_start is None else own_start.text)
         preamble = self._own(text, keep_homing=True, relative_e=False)
-        self.stands = stands_of(self.head, head, self.job.contours.epoch, self.idle.after_s)
         self.filament.begin(preamble)
         emitter.cold = self.filament.shared and source_heats(document) and not heats(preamble)
         first, rest = _split_first(with_header(preamble, header, document.newline), header)

@@ -196,7 +196,7 @@ def _lay(
     feed = way.feed[1:][::step].tolist()
     state = document.point_state[way.rows[1:]][::step].tolist()
     arcs = arc_runs(document, job.contours, way, is_reversed=is_reversed)
-    held, k, alike = -1, 0, _alike(feed, state)
+    held, k = -1, 0
     while k < len(feed):
         if state[k] != held:
             held = state[k]
@@ -208,23 +208,10 @@ def _lay(
         else:
             until = k + 1
             emitter.move(tuple(points[until]), feed[k], filament[k])
-            if not said and not arcs and alike[k] > until:
-                until = emitter.beads(points, filament, until, alike[k])
         for point in range(k + 1, until + 1) if said else ():
             if point in said:
                 emitter.say(said[point])
         k = until
-
-
-def _alike(feed: list[float], state: list[int]) -> list[int]:
-    """Return for each segment up to where those after it have its feed and state."""
-    if feed.count(feed[0]) == len(feed) and state.count(state[0]) == len(state):
-        return [len(feed)] * len(feed)
-    until = list(range(1, len(feed) + 1))
-    for k in range(len(feed) - 2, -1, -1):
-        if feed[k] == feed[k + 1] and state[k] == state[k + 1]:
-            until[k] = until[k + 1]
-    return until
 
 
 def _go(emitter: Emitter, path: list[NDArray[np.float64]], begin: Point) -> None:
