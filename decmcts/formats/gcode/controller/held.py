@@ -103,8 +103,8 @@ def _said(command: str, form: str, params: Params) -> Iterator[tuple[Word, str, 
 
 def target_of(code: str) -> str:
     """Return the target that a command sets, whether it waits or not; of others the command."""
-    told = SETS.fullmatch(code) or WAITS.fullmatch(code)
-    return code if told is None else f"{float(told[2]):g} degrees"
+    stated = SETS.fullmatch(code) or WAITS.fullmatch(code)
+    return code if stated is None else f"{float(stated[2]):g} degrees"
 
 
 @dataclass(slots=True)
@@ -118,15 +118,15 @@ class Targets:
 
         One that waits is never said in vain: the heater may not be there yet.
         """
-        told = SETS.fullmatch(code) or WAITS.fullmatch(code)
-        if told is None:
+        stated = SETS.fullmatch(code) or WAITS.fullmatch(code)
+        if stated is None:
             if reason in COOL_NOZZLE:
                 self.known = {k: v for k, v in self.known.items() if k[0] != "hot end"}
             elif reason not in KEEP_HEAT:
                 self.known.clear()
             return False
-        heater, target, tool = _HEATERS[told[1]], float(told[2]), told[3] or ""
-        if self.known.get((heater, tool)) == target and told.re is SETS:
+        heater, target, tool = _HEATERS[stated[1]], float(stated[2]), stated[3] or ""
+        if self.known.get((heater, tool)) == target and stated.re is SETS:
             return True
         for other in [key for key in self.known if key[0] == heater and "" in (key[1], tool)]:
             del self.known[other]  # one of them names no tool: it may be the same heater

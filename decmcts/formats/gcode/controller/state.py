@@ -100,7 +100,7 @@ class _Recorder:
         elif kind == Kind.LAYER:
             self.layers.append(line)
             self.marker = event.text
-            self.put("layer", self.marker, line)
+            self.set_slot("layer", self.marker, line)
         elif kind == Kind.LAYER_NOTE:
             self.note(event, line)
         elif kind == Kind.LEAVE:
@@ -126,7 +126,7 @@ class _Recorder:
             return
         self.barriers[line] = reason
         if slot:
-            self.put(slot, target_of(code), line)
+            self.set_slot(slot, target_of(code), line)
         if slot == "tool":
             self.select(code, line)
         self.keep_factor(code, line)
@@ -136,23 +136,23 @@ class _Recorder:
         if event.slot == "layer":
             if self.marker:
                 self.marker = with_note(self.marker, event.text)
-                self.put("layer", self.marker, line)
+                self.set_slot("layer", self.marker, line)
             return
         now = self.get("object")
         if now and event.text not in now.split("\n"):
-            self.put("object", f"{now}\n{event.text}", line)
+            self.set_slot("object", f"{now}\n{event.text}", line)
 
     def take_comment(self, line: int) -> None:
         """Take role and layer from the comment behind a move, as if written above it."""
         lines = self.lines
         comment = lines.text[lines.comment[line] : lines.ends[line]].decode("utf-8", "replace")
         if (role := trailing_role(comment)) != Role.UNKNOWN:
-            self.put("type", f";TYPE:{CANONICAL[role]}", line - 1)
+            self.set_slot("type", f";TYPE:{CANONICAL[role]}", line - 1)
         elif match := _NEXT_LAYER.match(comment):
             self.layers.append(line)
-            self.put("layer", f";LAYER:{match.group(1)}", line)
+            self.set_slot("layer", f";LAYER:{match.group(1)}", line)
 
-    def put(self, slot: str, text: str, line: int, *, left: bool = False) -> None:
+    def set_slot(self, slot: str, text: str, line: int, *, left: bool = False) -> None:
         """Set a slot from `line` on; `left` where another tool has left it so."""
         where = self.slots.setdefault(slot, len(self.slots))
         if where == len(self.current):
@@ -194,7 +194,7 @@ class _Recorder:
             self.tool = tool
             for slot in sorted(OF_TOOL & self.slots.keys()):
                 self.merged.pop(slot, None)
-                self.put(slot, self.get(slot), line, left=self.get(slot) != "")
+                self.set_slot(slot, self.get(slot), line, left=self.get(slot) != "")
 
     def get(self, slot: str) -> str:
         """Return the text in a slot."""
@@ -214,14 +214,14 @@ class _Recorder:
         elif event.params:
             self.merge(event.slot, event, line)
         else:
-            self.put(event.slot, event.text, line)
+            self.set_slot(event.slot, event.text, line)
 
     def merge(self, slot: str, event: Event, line: int, form: str = "") -> None:
         """Set the parameters of a command that holds them one by one."""
         held = self.merged.get(slot)
         if held is None or held.command != event.text:
             held = self.merged[slot] = Held(event.text)
-        self.put(slot, held.say(event.params, form=form, whole=event.whole), line)
+        self.set_slot(slot, held.say(event.params, form=form, whole=event.whole), line)
 
     def keep_factor(self, code: str, line: int) -> None:
         """Take an M220 that keeps the factor of speed (B) or puts it back (R)."""
@@ -231,9 +231,9 @@ class _Recorder:
         if "B" in words:
             self.factor = self.get("speed factor") or self.factor
         if "R" in words:
-            self.put("speed factor", self.factor, line)
+            self.set_slot("speed factor", self.factor, line)
         if new := re.search(r"S\s*([\d.]+)", words):
-            self.put("speed factor", f"M220 S{new[1]}", line)
+            self.set_slot("speed factor", f"M220 S{new[1]}", line)
 
     def leave_slot(self, slot: str, text: str, line: int) -> bool:
         """End the object in a slot and keep the words that end it; False where none is open."""
@@ -241,7 +241,7 @@ class _Recorder:
         if where is None or where >= len(self.current) or self.current[where] == UNSET:
             return False
         self.leave[self.current[where]] = text
-        self.put(slot, "", line)
+        self.set_slot(slot, "", line)
         return True
 
     def table(self) -> StateTable:

@@ -171,7 +171,7 @@ def _retractions(
         by_firmware = bool(gaps.firmware[own].sum() * 2 > max(1, gaps.pulled[own].sum()))
         if by_firmware:
             last = int(runs.last[np.flatnonzero(of_contour == tool)[-1]])
-            amount, feeds = _told_to_firmware(lines, track, int(motion.line[last]))
+            amount, feeds = _stated_for_firmware(lines, track, int(motion.line[last]))
         wiping = moves.gap & made & ~moves.still & moves.pull
         found[tool] = (
             Retraction(
@@ -183,7 +183,7 @@ def _retractions(
     return found
 
 
-def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
+def _stated_for_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
     """Return length, and feeds back and forth, of firmware retraction: moves don't show them."""
     firmware = FirmwareRetraction.of(lines.text, track)
     pull, push = (firmware.at(line, pull=way) for way in (True, False))

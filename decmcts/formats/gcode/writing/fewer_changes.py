@@ -154,20 +154,6 @@ def with_runs(
     return job, replace(document, blocks=tuple(blocks), states=states.table())
 
 
-def merged(
-    job: PrintJob, document: GcodeDocument, free: FreeChanges
-) -> tuple[PrintJob, GcodeDocument]:
-    """Return a source whose free changes are no walls; without their text."""
-    stretch = free.stretches(job, document)
-    anew = dict(zip(job.contours.epoch.tolist(), stretch.tolist(), strict=True))
-    kept = [b for k, b in enumerate(document.blocks) if k not in free.blocks]
-    gone = {document.blocks[k].epoch for k in free.blocks}
-    blocks = tuple(replace(b, epoch=anew.get(b.epoch, int(stretch.max()) + 1)) for b in kept)
-    refills = tuple(anew[e] for e in job.refills if e not in gone and e in anew)
-    job = replace(job, contours=replace(job.contours, epoch=stretch), refills=refills)
-    return job, replace(document, blocks=blocks)
-
-
 class _Rows:
     """States of a source, and more that are made of them."""
 

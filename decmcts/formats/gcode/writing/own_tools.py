@@ -38,6 +38,7 @@ from decmcts.formats.gcode.writing.hot_ends import (
     told_to,
     unknown_row,
 )  # fmt: skip
+from decmcts.formats.gcode.writing.parts import without_blocks
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 
@@ -129,9 +130,9 @@ def _left(block: Block, pushed: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Heat:
-    """How hot each tool is told to be from which epoch on, and when it prints."""
+    """How hot each tool is stated to be from which epoch on, and when it prints."""
 
-    told: dict[int, list[tuple[int, float | None]]]  # tool -> epoch and degrees, ascending
+    stated: dict[int, list[tuple[int, float | None]]]  # tool -> epoch and degrees, ascending
     prints: dict[int, list[int]]  # tool -> epochs, ascending
     touched: dict[int, set[int]]  # epoch -> tools that its block heats or cools
 
@@ -139,18 +140,18 @@ class _Heat:
     def of(job: PrintJob, document: GcodeDocument) -> _Heat:
         tools = np.unique(job.contours.tool).tolist()
         every = told_to(document, job) == "all"
-        told: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
+        stated: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
         touched = dict[int, set[int]]()
         for heard in said_to_hot_ends(document):
             for tool in tools if every and not heard.named else [heard.tool]:
-                told.setdefault(tool, []).append((heard.epoch, heard.command.degrees))
+                stated.setdefault(tool, []).append((heard.epoch, heard.command.degrees))
                 touched.setdefault(heard.epoch, set()).add(tool)
         pairs = {t: np.unique(job.contours.epoch[job.contours.tool == t]).tolist() for t in tools}
-        return _Heat(told, pairs, touched)
+        return _Heat(stated, pairs, touched)
 
     def at(self, tool: int, epoch: int) -> float | None:
         """Return how hot a tool is told to be where it prints; None: nothing is known."""
-        rows = self.told.get(tool, [])
+        rows = self.stated.get(tool, [])
         k = bisect_left(rows, epoch + 1, key=lambda row: row[0])
         return rows[k - 1][1] if k else None
 
@@ -182,18 +183,9 @@ def _without(
 
     `behind` has these by the contour behind each, `nets` what `_nets` has for contours behind any.
     """
-    contours, blocks = job.contours, document.blocks
-    stays = np.ones(int(contours.epoch.max()) + 1, np.bool_)
-    stays[0] = False
-    for k in left:
-        stays[blocks[k].epoch] = blocks[k].edge
-    anew = np.cumsum(stays).astype(np.int32)
-    gone = {blocks[k].epoch for k in left}
-    refills = tuple(int(anew[e]) for e in job.refills if e not in gone)
-    kept = [block for k, block in enumerate(blocks) if k not in left]
-    kept = [replace(block, epoch=int(anew[block.epoch])) for block in kept]
+    contours = job.contours
     own = tuple(_own_starts(job, document, behind))
-    notes = tuple(_renamed(job.notes, len(kept)))
+    notes = tuple(_renamed(job.notes, len(document.blocks) - len(left)))
     nets = {c: nets[c] for c in behind if c in nets}
     changed = {c: net for c, net in nets.items() if contours.tool[c] != contours.tool[c - 1]}
     primes = _primes(job, changed)
@@ -204,9 +196,9 @@ def _without(
         extra = primes.get(int(contours.tool[c]), 0.0) if c in changed else 0.0
         owed[c] = 0.0 if abs(pushed - extra) < 1e-9 else extra - pushed
     owed.setflags(write=False)
-    document = replace(document, blocks=tuple(kept), own_starts=own, owed=owed)
-    contours = replace(contours, epoch=anew[contours.epoch])
-    job = replace(job, contours=contours, refills=refills, notes=notes, practices=practices)
+    job, document = without_blocks(job, document, left)
+    document = replace(document, own_starts=own, owed=owed)
+    job = replace(job, notes=notes, practices=practices)
     return Freed(job, document, 0, 0)
 
 
@@ -295,7 +287,7 @@ def _practices(
             degrees
             for k in left
             if own and (block := document.blocks[k]).begin.tool == tool and _is_change(block)
-            if (degrees := _last_told(block, tool)) is not None and degrees > 0.0
+            if (degrees := _last_stated(block, tool)) is not None and degrees > 0.0
         ]
         practice = Practice(
             round(deep.get(tool, 0.0), DIGITS), round(primes.get(tool, 0.0), DIGITS),
@@ -306,7 +298,7 @@ def _practices(
     return tuple(found)
 
 
-def _last_told(block: Block, tool: int) -> float | None:
+def _last_stated(block: Block, tool: int) -> float | None:
     """Return what a block last tells a tool's hot end, degrees; None: nothing."""
     commands = b"\n".join(commands_of(block.text))
     heard = [each for each in said_in(commands, block.begin.tool) if each.tool == tool]

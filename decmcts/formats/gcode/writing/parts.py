@@ -1,4 +1,4 @@
-"""A source whose contours are cut into pieces, or of which only stretches are left to print.
+"""A source whose contours are cut into pieces, or of which only a part is left.
 
 The text of contours that are printed goes; start code, end code and the blocks between stay.
 Which stretches are left is decided in `decmcts.planning.replanning`, where contours are cut in
@@ -7,7 +7,7 @@ Which stretches are left is decided in `decmcts.planning.replanning`, where cont
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -114,3 +114,24 @@ def has_stiff_arc(document: GcodeDocument, contours: Contours) -> NDArray[np.boo
     stiff = arcs != NO_ARC
     stiff[stiff] = ~document.arcs.partible[arcs[stiff]]
     return np.asarray(np.logical_or.reduceat(stiff, contours.offsets[:-1]))
+
+
+def without_blocks(
+    job: PrintJob, document: GcodeDocument, left: Collection[int]
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return a source without some of its blocks, which are no walls then, nor is their text there.
+
+    An epoch that begins at one of them for another reason too stays one.
+    """
+    last = max(int(job.contours.epoch.max(initial=0)), *(b.epoch for b in document.blocks), 0)
+    stays = np.ones(last + 1, np.bool_)
+    stays[0] = False
+    for k in left:
+        stays[document.blocks[k].epoch] = document.blocks[k].edge
+    anew = np.cumsum(stays).astype(np.int32)
+    gone = {document.blocks[k].epoch for k in left}
+    kept = [block for k, block in enumerate(document.blocks) if k not in left]
+    blocks = tuple(replace(block, epoch=int(anew[block.epoch])) for block in kept)
+    refills = tuple(int(anew[epoch]) for epoch in job.refills if epoch not in gone)
+    contours = replace(job.contours, epoch=anew[job.contours.epoch])
+    return replace(job, contours=contours, refills=refills), replace(document, blocks=blocks)
