@@ -19,7 +19,7 @@ from decmcts.formats.gcode.controller.motion import interpret
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
-from decmcts.formats.gcode.text.lines import command_of, split_lines
+from decmcts.formats.gcode.text.lines import commands_of, split_lines
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.hot_ends import OWN, Hears, hears, hot_end_command, selected_by
 
@@ -93,10 +93,12 @@ class OwnFilament:
             self._left = emitter.owed
         if feeds_one_bead(block):
             self._due[behind] = _beyond(block.end)
-        elif block is not self._first_use and not self.is_other(block.end.tool):
-            runs = map(command_of, text.split(b"\n"))
-            if block.moves or begin.tool != block.end.tool or any(runs):
-                emitter.owed += _beyond(block.end)
+        elif (
+            block is not self._first_use
+            and not self.is_other(block.end.tool)
+            and (block.moves or begin.tool != block.end.tool or commands_of(text))
+        ):
+            emitter.owed += _beyond(block.end)
 
     def feed(self, contour: int) -> None:
         """Count what the blocks above a contour have left to be pushed for it."""
