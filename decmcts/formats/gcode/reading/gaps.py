@@ -24,7 +24,7 @@ from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.document import Block, Cursor
-from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.reading.grouping import Parsed
 from decmcts.formats.gcode.text.lines import Lines
 from decmcts.print.job import Barrier
 
@@ -54,8 +54,9 @@ class Gaps:
         return np.asarray(self.firmware | (self.depth > PULLED))
 
 
-def gaps_of(motion: Motion, runs: Runs) -> Gaps:
+def gaps_of(parsed: Parsed) -> Gaps:
     """Return the book of a source's gaps; linear in its moves."""
+    motion, runs = parsed.motion, parsed.runs
     begin, end = runs.last[:-1] + 1, runs.first[1:]
     total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])  # pushed less pulled before moves
     tool = motion.modes[motion.line, TOOL].astype(np.int64)
@@ -119,16 +120,18 @@ def unsettled(gaps: Gaps, unknown: Bools) -> Bools:
     return np.asarray(unknown & ~settled & ~(np.abs(gaps.net) <= SETTLED_MM))
 
 
-def net_before(motion: Motion, runs: Runs, line: int) -> float:
+def net_before(parsed: Parsed, line: int) -> float:
     """Return the net, mm, of the moves above a line that come after the last contour there."""
+    motion, runs = parsed.motion, parsed.runs
     move = int(motion.before[line])
     k = int(np.searchsorted(runs.last, move)) - 1
     since = int(runs.last[k]) + 1 if k >= 0 else move
     return float(motion.extrusion[since:move].sum())
 
 
-def net_behind(motion: Motion, runs: Runs, line: int) -> float:
+def net_behind(parsed: Parsed, line: int) -> float:
     """Return the net, mm, of the moves from a line on that come before the next contour."""
+    motion, runs = parsed.motion, parsed.runs
     move = int(motion.before[line])
     k = int(np.searchsorted(runs.first, move))
     until = int(runs.first[k]) if k < len(runs.first) else move
@@ -161,8 +164,9 @@ class Blocks:
     parted: NDArray[np.bool_]  # (n,) a block stands before it
 
 
-def cursor_at(motion: Motion, track: Track, line: int, *, owed: float) -> Cursor:
+def cursor_at(parsed: Parsed, line: int, *, owed: float) -> Cursor:
     """Return where the controller stands before a line; for `owed` see `Cursor`."""
+    motion = parsed.motion
     move = int(motion.before[line])
     x, y, z = motion.points[move].tolist()
     above = max(line - 1, 0)
@@ -170,15 +174,14 @@ def cursor_at(motion: Motion, track: Track, line: int, *, owed: float) -> Cursor
     return Cursor(
         (x, y, z), float(motion.extruder[above, 0]),
         float(motion.feed[move - 1]) if move else 0.0, owed, float(motion.extruder[above, 1]),
-        bool(modes[FIRMWARE_RETRACTED]), bool(modes[RELATIVE_E]), int(track.at(line)),
+        bool(modes[FIRMWARE_RETRACTED]), bool(modes[RELATIVE_E]), int(parsed.track.at(line)),
         int(modes[TOOL]),
     )  # fmt: skip
 
 
 def find_blocks(
-    lines: Lines, motion: Motion, track: Track, runs: Runs, gaps: Gaps, *,
-    edges: NDArray[np.bool_], towers: NDArray[np.bool_],
-) -> Blocks:  # fmt: skip
+    parsed: Parsed, gaps: Gaps, *, edges: NDArray[np.bool_], towers: NDArray[np.bool_]
+) -> Blocks:
     """Return the blocks of a print.
 
     Parameters
@@ -188,6 +191,7 @@ def find_blocks(
     towers : (n,) bool
         Contours of a tool change: they stay in their sequence, word for word.
     """
+    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     n = len(runs)
     begin = motion.line[runs.last[:-1]] + 1  # lines of gap k + 1: begin[k]..end[k] - 1
     end = motion.line[runs.first[1:]]
@@ -209,13 +213,13 @@ def find_blocks(
         span = (int(begin[c - 1]), int(end[c - 1]))
         if not whole[c]:
             span = (int(walls[low[c - 1]]), int(walls[high[c - 1] - 1]) + 1)
-        block = _block(lines, motion, track, runs, span, int(epoch[c]))
+        block = _block(parsed, span, int(epoch[c]))
         beside = bool(towers[c] or towers[c - 1])
         blocks.append(replace(block, edge=bool(edges[c]), tower=beside))
     tied = towers | whole
     tied[:-1] |= whole[1:]
     named = [b for b in track.barriers.items() if begin[0] <= b[0] < end[-1]] if n > 1 else []
-    barriers = _named(lines, named, blocks)
+    barriers = _named(parsed.lines, named, blocks)
     return Blocks(tuple(blocks), barriers, epoch, tied, held, broken | whole)
 
 
@@ -226,18 +230,17 @@ def _unknown(track: Track, begin: NDArray[np.int64], end: NDArray[np.int64]) -> 
     return np.asarray(np.searchsorted(rows, end) > np.searchsorted(rows, begin))
 
 
-def _block(
-    lines: Lines, motion: Motion, track: Track, runs: Runs, span: tuple[int, int], epoch: int
-) -> Block:
+def _block(parsed: Parsed, span: tuple[int, int], epoch: int) -> Block:
+    lines, motion, barriers = parsed.lines, parsed.motion, parsed.track.barriers
     first, last = span
-    inside = [track.barriers[k] for k in range(first, last) if k in track.barriers]
+    inside = [barriers[k] for k in range(first, last) if k in barriers]
     moved = motion.points[motion.before[first] : motion.before[last] + 1]
     moves = (lines.letter[first:last] == 71) & (lines.code[first:last] <= 30)
     placed = moves[:, None] & ~np.isnan(lines.values[first:last, X : Z + 1])
     return Block(
         epoch, lines.span(first, last),
-        cursor_at(motion, track, first, owed=-net_before(motion, runs, first)),
-        cursor_at(motion, track, last, owed=net_behind(motion, runs, last)),
+        cursor_at(parsed, first, owed=-net_before(parsed, first)),
+        cursor_at(parsed, last, owed=net_behind(parsed, last)),
         bool(placed.any() or np.ptp(moved, axis=0).max() > 1e-9), first + 1,
         inside[0] if inside else "extrusion outside a contour", tuple(inside),
     )  # fmt: skip

@@ -176,6 +176,16 @@ def _by_slicer(motion: Motion, track: Track) -> Bools:
 
 
 @dataclass(frozen=True, slots=True)
+class Parsed:
+    """A file as its lines, what they do, and its contours."""
+
+    lines: Lines
+    motion: Motion
+    track: Track
+    runs: Runs
+
+
+@dataclass(frozen=True, slots=True)
 class Runs:
     """The contours of a file as runs of moves."""
 

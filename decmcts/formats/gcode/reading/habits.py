@@ -18,12 +18,10 @@ from decmcts._kernels.geometry.walls import SAME_Z_MM
 from decmcts._kernels.motion.blocks import TRAVELLING
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
-from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.stated_times import silent_share
 from decmcts.formats.gcode.document import Habits
 from decmcts.formats.gcode.reading.gaps import PULLED, Gaps
-from decmcts.formats.gcode.reading.grouping import Runs
-from decmcts.formats.gcode.text.lines import Lines
+from decmcts.formats.gcode.reading.grouping import Parsed, Runs
 from decmcts.formats.slicers.known import either, every
 from decmcts.print.contours import Contours
 from decmcts.print.job import ProcessSettings, Retraction
@@ -84,35 +82,32 @@ def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = No
     return float(kinds[np.argmax(np.bincount(index, weights))])
 
 
-def infer_settings(
-    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track
-) -> tuple[ProcessSettings, Habits]:
+def infer_settings(parsed: Parsed, gaps: Gaps) -> tuple[ProcessSettings, Habits]:
     """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
-    moves = _GapMoves.of(motion, runs)
+    text, motion = parsed.lines.text, parsed.motion
+    moves = _GapMoves.of(motion, parsed.runs)
     delta = np.diff(motion.points, axis=0)
     travel = moves.gap & ~moves.still & ~moves.pull & ~moves.push
     upright = moves.gap & moves.still & ~moves.pull & ~moves.push & (np.abs(delta[:, 2]) > 1e-9)
     pulled = gaps.pulled
     length = np.linalg.norm(motion.points[gaps.end] - motion.points[gaps.begin], axis=1)
-    of_tool = _retractions(lines, motion, runs, gaps, track, moves)
+    of_tool = _retractions(parsed, gaps, moves)
     usual = max(of_tool, key=lambda tool: (of_tool[tool][1], -tool))
     retracts = np.isin(gaps.tool, [t for t, (one, _) in of_tool.items() if _any_of(one)])
     settings = ProcessSettings(
         travel_feed=_usual(motion.feed[travel], moves.across[travel]),
         retract_min_travel_mm=_threshold(length[retracts], pulled[retracts]),
         z_feed=_usual(motion.feed[upright]),
-        travel_acceleration=_usual_acceleration(
-            lines, motion, track, travel, np.linalg.norm(delta, axis=1)
-        ),
-        min_layer_time_s=min_layer_time(lines.text),
+        travel_acceleration=_usual_acceleration(parsed, travel, np.linalg.norm(delta, axis=1)),
+        min_layer_time_s=min_layer_time(text),
         of_tools=((usual, of_tool[usual][0]),),
     ).for_tool(usual)
     main = of_tool[usual][0]
     others = [(tool, one) for tool, (one, _) in of_tool.items() if not _alike(one, main)]
     return replace(settings, of_tools=tuple(sorted(others, key=lambda each: each[0]))), Habits(
-        resets_e=_occurs(lines, motion, runs, 71, 920),
-        progress=_progress(lines, motion, runs),
-        silent_share=silent_share(lines.text),
+        resets_e=_occurs(parsed, 71, 920),
+        progress=_progress(parsed),
+        silent_share=silent_share(text),
     )
 
 
@@ -149,14 +144,13 @@ def _any_of(retraction: Retraction) -> bool:
     return retraction.firmware_retraction or retraction.retract_mm > 0.0
 
 
-def _retractions(
-    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track, moves: _GapMoves
-) -> dict[int, tuple[Retraction, int]]:  # fmt: skip
+def _retractions(parsed: Parsed, gaps: Gaps, moves: _GapMoves) -> dict[int, tuple[Retraction, int]]:
     """Return how each tool retracts between contours of its own, and how many it prints.
 
     A tool that shows no retraction there has none: what it pulls for a change of tools is no
     habit, and no more may be pulled than the source does.
     """
+    motion, runs = parsed.motion, parsed.runs
     of_contour = motion.modes[motion.line[runs.first], TOOL].astype(np.int64)
     found: dict[int, tuple[Retraction, int]] = {}
     for tool, count in zip(
@@ -171,7 +165,7 @@ def _retractions(
         by_firmware = bool(gaps.firmware[own].sum() * 2 > max(1, gaps.pulled[own].sum()))
         if by_firmware:
             last = int(runs.last[np.flatnonzero(of_contour == tool)[-1]])
-            amount, feeds = _stated_for_firmware(lines, track, int(motion.line[last]))
+            amount, feeds = _stated_for_firmware(parsed, int(motion.line[last]))
         wiping = moves.gap & made & ~moves.still & moves.pull
         found[tool] = (
             Retraction(
@@ -183,23 +177,19 @@ def _retractions(
     return found
 
 
-def _stated_for_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
+def _stated_for_firmware(parsed: Parsed, line: int) -> tuple[float, tuple[float, ...]]:
     """Return length, and feeds back and forth, of firmware retraction: moves don't show them."""
-    firmware = FirmwareRetraction.of(lines.text, track)
+    firmware = FirmwareRetraction.of(parsed.lines.text, parsed.track)
     pull, push = (firmware.at(line, pull=way) for way in (True, False))
     return -pull[0], (pull[1], push[1])
 
 
 def _usual_acceleration(
-    lines: Lines,
-    motion: Motion,
-    track: Track,
-    travel: NDArray[np.bool_],
-    length: NDArray[np.float64],
+    parsed: Parsed, travel: NDArray[np.bool_], length: NDArray[np.float64]
 ) -> float:
     """Return the acceleration most travel is made with as commands set it, 0 for none."""
-    stated = stated_limits(lines.text)
-    said = commanded(track.table, TRAVELLING, stated)[track.at(motion.line[travel])]
+    track, stated = parsed.track, stated_limits(parsed.lines.text)
+    said = commanded(track.table, TRAVELLING, stated)[track.at(parsed.motion.line[travel])]
     known = ~np.isnan(said)
     return _usual(said[known], length[travel][known])
 
@@ -210,15 +200,17 @@ def _usual_pull(pulled: NDArray[np.float64]) -> float:
     return round(float(np.median(some)), 6) if len(some) else 0.0
 
 
-def _progress(lines: Lines, motion: Motion, runs: Runs) -> str:
+def _progress(parsed: Parsed) -> str:
     """Return which parameters of M73 occur between the first bead and the last."""
+    lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     first, last = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
     told = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
     words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in told.tolist()})
     return "".join(letter for letter in "PRQS" if letter.encode() in words)
 
 
-def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:
+def _occurs(parsed: Parsed, letter: int, code: int) -> bool:
+    lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     span = slice(int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]]))
     return bool(((lines.letter[span] == letter) & (lines.code[span] == code)).any())
 

@@ -16,8 +16,8 @@ from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
 from decmcts._kernels.motion.blocks import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
-from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, interpret
-from decmcts.formats.gcode.controller.state import Track, track_state
+from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, interpret
+from decmcts.formats.gcode.controller.state import track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
 from decmcts.formats.gcode.reading.edges import state_edges
@@ -30,13 +30,18 @@ from decmcts.formats.gcode.reading.gaps import (
     net_before,
     net_behind,
 )
-from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsafe, with_dots_apart
+from decmcts.formats.gcode.reading.grouping import (
+    Parsed,
+    find_runs,
+    refuse_unsafe,
+    with_dots_apart,
+)
 from decmcts.formats.gcode.reading.habits import (
     filament_diameter,
     infer_settings,
     with_bare_travels,
 )
-from decmcts.formats.gcode.text.lines import Lines, above_comments, command_of, split_lines
+from decmcts.formats.gcode.text.lines import above_comments, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.slicers.known import either, together
 from decmcts.print.contours import Contours, Role
@@ -62,11 +67,7 @@ class Ending:
 
 
 @dataclass(frozen=True, slots=True)
-class _Parsed:
-    lines: Lines
-    motion: Motion
-    track: Track
-    runs: Runs
+class _Parsed(Parsed):
     beads: Beads
 
 
@@ -77,7 +78,7 @@ def _parse(path: Path | str, plate: int | None = None, text: bytes | None = None
     track = track_state(lines, motion)
     runs = find_runs(lines, motion, track)
     refuse_unsafe(lines, motion, runs)
-    beads = measure_beads(motion, runs, track, filament_mm=filament_diameter(text))
+    beads = measure_beads(Parsed(lines, motion, track, runs), filament_mm=filament_diameter(text))
     return _Parsed(lines, motion, track, runs, beads)
 
 
@@ -130,7 +131,7 @@ def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Endin
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())
-    cursor = cursor_at(motion, parsed.track, line, owed=-net_before(motion, runs, line))
+    cursor = cursor_at(parsed, line, owed=-net_before(parsed, line))
     return Ending(cursor, parsed.track.table, (x, y, z), top)
 
 
@@ -140,20 +141,20 @@ def _print_of(
     """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
-    edges, one_way = state_edges(motion, runs, parsed.track, parsed.beads.layer)
-    gaps = gaps_of(motion, runs)
-    blocks = find_blocks(lines, motion, parsed.track, runs, gaps, edges=edges, towers=towers)
+    edges, one_way = state_edges(parsed, parsed.beads.layer)
+    gaps = gaps_of(parsed)
+    blocks = find_blocks(parsed, gaps, edges=edges, towers=towers)
     contours, point_state, point_arc = _contours(parsed, blocks, one_way)
-    settings, habits = infer_settings(lines, motion, runs, gaps, parsed.track)
+    settings, habits = infer_settings(parsed, gaps)
     settings = with_bare_travels(lines.text, contours, settings, gaps.pulled)
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
-    start = cursor_at(motion, parsed.track, top, owed=net_behind(motion, runs, top))
+    start = cursor_at(parsed, top, owed=net_behind(parsed, top))
     first = int(motion.line[runs.first[0]])
     document = GcodeDocument(
         str(path), lines.span(0, top), lines.span(bottom, len(lines)),
         b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
-        start, cursor_at(motion, parsed.track, bottom, owed=0.0), blocks.blocks,
+        start, cursor_at(parsed, bottom, owed=0.0), blocks.blocks,
         parsed.track.table, point_state, due_at_begins(gaps, blocks.parted),
         bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
         point_arc, motion.arcs, plate, _motions_of(parsed),
