@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.cutting import Stretches, cut_at_lines, points_of
+from decmcts.print.cut_kernels import Stretches, cut_at_lines, points_of
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.metrics import CutMetrics

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.loops import Rotated
+from decmcts.print.loops_kernels import Rotated
 from decmcts.errors import InputError
 from decmcts.formats.gcode.writing.parts import Stretch
 from decmcts.print.contours import Contours, joined, taken

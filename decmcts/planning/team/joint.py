@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
-from decmcts._kernels.engine.lags import Lags
+from decmcts.print.lags_kernels import Lags
 from decmcts.errors import InputError
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import TeamSearch

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.launching.status import AgentStatus, LaunchError, OnProgress
-from decmcts._kernels.engine.lags import Lags, no_lags
+from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note

@@ -13,7 +13,7 @@ import pytest
 from shapely import LineString, MultiPoint
 from shapely.affinity import translate
 
-from decmcts._kernels.engine.rooms import travel_seconds
+from decmcts.team.engine.spaces_kernels import travel_seconds
 from decmcts.errors import InputError
 from decmcts.print.motion import filament_time
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan

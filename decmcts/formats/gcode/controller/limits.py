@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.motion.blocks import (
+from decmcts.print.motion_kernels import (
     ACCELERATION,
     DEVIATION,
     FACTOR,

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import RELATIVE_E, RELATIVE_XYZ
+from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.controller.held import Held, Targets, target_of
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.dialects.dialect import (

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.contours import MOVED, heaviest_label
+from decmcts.formats.gcode.reading.grouping_kernels import MOVED, heaviest_label
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.dialects.dialect import role_of
 from decmcts.formats.gcode.document import StateTable

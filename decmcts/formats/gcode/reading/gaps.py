@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
-from decmcts._kernels.gcode.scan import X, Z
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
+from decmcts.formats.gcode.text.scan_kernels import X, Z
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN

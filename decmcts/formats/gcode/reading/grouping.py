@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.contours import MOVED, PUSHED, group_moves
-from decmcts._kernels.gcode.moves import RELATIVE_XYZ
+from decmcts.formats.gcode.reading.grouping_kernels import MOVED, PUSHED, group_moves
+from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_XYZ
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track

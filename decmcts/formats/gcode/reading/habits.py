@@ -13,9 +13,9 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import TOOL
-from decmcts._kernels.geometry.walls import SAME_Z_MM
-from decmcts._kernels.motion.blocks import TRAVELLING
+from decmcts.formats.gcode.controller.moves_kernels import TOOL
+from decmcts.print.walls_kernels import SAME_Z_MM
+from decmcts.print.motion_kernels import TRAVELLING
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.dialects.stated_times import silent_share

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
-from decmcts._kernels.motion.blocks import PRINTING
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
+from decmcts.print.motion_kernels import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, interpret

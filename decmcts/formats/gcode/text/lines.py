@@ -1,6 +1,6 @@
 """The lines of a G-code file as arrays, and the faults a line can have.
 
-The scanning itself is `decmcts._kernels.gcode.scan`; this is its typed front.
+The scanning itself is `decmcts.formats.gcode.text.scan_kernels`; this is its typed front.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from operator import add
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import Walls
+from decmcts.print.walls_kernels import Walls
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import Cursor, GcodeDocument
 from decmcts.formats.gcode.writing.beads import first_part, level_part

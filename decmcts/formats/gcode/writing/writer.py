@@ -22,7 +22,7 @@ from typing import BinaryIO, NamedTuple, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.loops import SLIVER_MM, Rotated
+from decmcts.print.loops_kernels import SLIVER_MM, Rotated
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import SPLIT_MARK
 from decmcts.formats.gcode.dialects.stated_times import M73, WORD, without_progress
