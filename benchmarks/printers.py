@@ -69,7 +69,7 @@ def heads_of(path: Path) -> tuple[Any, Any]:
         preset_by_clearances,
         preset_for_printer,
     )
-    from decmcts.formats.machines.slicer_settings import comment_settings
+    from decmcts.formats.machines.own_machine import comment_settings
 
     found = read_clearances(comment_settings(load_text(path), SETTINGS, path), path)
     if found is None:

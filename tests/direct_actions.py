@@ -6,10 +6,24 @@ No lifts, no checks: for tests of what reads and writes files.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.loops import traversal
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, end_edges
-from decmcts.print.toolpath import Toolpath, visit_points
+from decmcts.print.toolpath import Toolpath
+
+
+def visit_points(
+    contours: Contours, index: int, *, reversed_: bool = False, entry: int = 0
+) -> NDArray[np.float64]:
+    """Return the (k, 3) polyline of one contour in the chosen traversal.
+
+    A reversed one runs the way back from where the traversal of its entry ends.
+    """
+    points = traversal(contours, index, entry).points if entry else contours.polyline(index)
+    return points[::-1] if reversed_ else points
 
 
 def direct_actions(job: PrintJob, toolpath: Toolpath) -> HeadActions:

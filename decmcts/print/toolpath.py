@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
-from decmcts.print.loops import exits_of, traversal
+from decmcts.print.loops import exits_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,17 +55,6 @@ def entries_by_contour(toolpaths: Sequence[Toolpath], n: int) -> NDArray[np.int3
     for toolpath in toolpaths:
         entry[toolpath.order] = toolpath.entry
     return entry
-
-
-def visit_points(
-    contours: Contours, index: int, *, reversed_: bool = False, entry: int = 0
-) -> NDArray[np.float64]:
-    """Return the (k, 3) polyline of one contour in the chosen traversal.
-
-    A reversed one runs the way back from where the traversal of its entry ends.
-    """
-    points = traversal(contours, index, entry).points if entry else contours.polyline(index)
-    return points[::-1] if reversed_ else points
 
 
 def endpoints(

@@ -18,8 +18,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from decmcts.print.contours import Contours
+from decmcts.print.cut import cuts_of
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from decmcts.print.welds import cuts_of
 from sim.arrays import Flags, Floats, Ints
 from sim.pictures.canvas import TRAVEL, head_colour
 from sim.pictures.layer_travels import Travels

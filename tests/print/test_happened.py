@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from decmcts.print.happened import happened
+from decmcts.print.print_state import happened
 from tests.planning.replanning.conftest import Made, log_until, made, within_print  # noqa: F401
 
 

@@ -10,8 +10,9 @@ import pytest
 from decmcts.formats.gcode import read_gcode
 from decmcts.print.contours import Contours, Role
 from decmcts.print.loops import allowed_entries, close_gaps, enter_at, exits_of, movable, traversal
-from decmcts.print.toolpath import Toolpath, endpoints, visit_points
+from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.samples import sample_path
+from tests.direct_actions import visit_points
 from tests.print.test_toolpath import contours_of
 
 NUTS = sample_path("four_nuts.gcode.gz")

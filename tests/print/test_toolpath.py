@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from decmcts.print.contours import Contours
-from decmcts.print.toolpath import Toolpath, endpoints, extrusionless_travel, visit_points
+from decmcts.print.toolpath import Toolpath, endpoints, extrusionless_travel
+from tests.direct_actions import visit_points
 
 
 def contours_of(*polylines: list[tuple[float, float, float]], closed: bool = False) -> Contours:

@@ -172,8 +172,8 @@ def _problem(fields: Fields, name: str) -> QcspProblem:
     fields.only(*_KEYS)
     duration, bay = _row(fields, "p"), _bays(fields, "l")
     ready, start = _row(fields, "r"), _bays(fields, "l0")
-    _same_length(fields, "p", duration, "l", bay, most=MOST_TASKS, count="n")
-    _same_length(fields, "r", ready, "l0", start, most=MOST_CRANES, count="q")
+    _check_lengths(fields, "n", {"p": len(duration), "l": len(bay)}, most=MOST_TASKS)
+    _check_lengths(fields, "q", {"r": len(ready), "l0": len(start)}, most=MOST_CRANES)
     if not len(ready):
         fields.fail("r", "no crane")
     if (duration <= 0.0).any():
@@ -203,23 +203,15 @@ def _bays(fields: Fields, key: str) -> NDArray[np.int32]:
     return np.array(bays, np.int32)
 
 
-def _same_length(
-    fields: Fields,
-    key: str,
-    first: NDArray[Any],
-    other: str,
-    second: NDArray[Any],
-    *,
-    most: int,
-    count: str,
-) -> None:
-    """Refuse lists of unlike or undue length, or of another one than `count` says."""
-    if len(first) != len(second):
-        fields.fail(other, f"{len(second)} values where {key} has {len(first)}")
-    if len(first) > most:
-        fields.fail(key, f"{len(first)} values, at most {most} are taken")
-    if count in fields.values and fields.values[count] != len(first):
-        fields.fail(count, f"is {shown(fields.values[count])}, {key} has {len(first)} values")
+def _check_lengths(fields: Fields, count: str, sizes: dict[str, int], *, most: int) -> None:
+    """Refuse two lists of unlike or undue length, or of another one than `count` says."""
+    (key, size), (other, second) = sizes.items()
+    if size != second:
+        fields.fail(other, f"{second} values where {key} has {size}")
+    if size > most:
+        fields.fail(key, f"{size} values, at most {most} are taken")
+    if count in fields.values and fields.values[count] != size:
+        fields.fail(count, f"is {shown(fields.values[count])}, {key} has {size} values")
 
 
 def _refuse_crowd(

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.formats.files.bounds import LARGEST_MM
 
 _NUMBERS = frozenset({int, float})
 _LARGEST = 1e9  # beyond any machine; its square is far from overflow
@@ -72,16 +73,16 @@ class Fields:
         """Return a nested mapping."""
         return Fields.of(self.need(key), self.at(key), self.path)
 
-    def tables(self, key: str) -> list[Fields]:
+    def tables(self, key: str, default: list[Any] | None = None) -> list[Fields]:
         """Return a list of mappings."""
         return [
             Fields.of(item, f"{self.at(key)}[{i}]", self.path)
-            for i, item in enumerate(self.items(key))
+            for i, item in enumerate(self.items(key, default))
         ]
 
-    def items(self, key: str) -> list[Any]:
+    def items(self, key: str, default: list[Any] | None = None) -> list[Any]:
         """Return a list."""
-        value = self.need(key)
+        value = self.need(key) if default is None else self.values.get(key, default)
         if not isinstance(value, list):
             self.fail(key, f"expected a list, found {shown(value)}")
         return value
@@ -111,9 +112,13 @@ class Fields:
             self.fail(key, f"{value:g} is below {least:g}")
         return float(value)
 
-    def integer(self, key: str, *, least: int, below: int, default: int | None = None) -> int:
+    def size(self, key: str, default: float | None = None) -> float:
+        """Return a length in mm, from 0, no larger than any printer has."""
+        return self.number(key, default, least=0.0, most=LARGEST_MM)
+
+    def integer(self, key: str, *, least: int, below: int) -> int:
         """Return an integer in least..below-1."""
-        value = self.need(key) if default is None else self.values.get(key, default)
+        value = self.need(key)
         if type(value) is not int or not least <= value < below:
             self.fail(key, f"expected an integer in {least}..{below - 1}, found {shown(value)}")
         return int(value)
@@ -129,6 +134,16 @@ class Fields:
         """Return `size` finite numbers."""
         row = points([self.need(key)], (size,), self.at(key), self.path, most=most)[0]
         return tuple(row.tolist())
+
+    def pair(self, key: str) -> tuple[float, float]:
+        """Return a place on the bed, mm."""
+        x, y = self.point(key, 2, most=LARGEST_MM)
+        return x, y
+
+    def triple(self, key: str, *, most: float = LARGEST_MM) -> tuple[float, float, float]:
+        """Return a place in space, mm, each coordinate up to `most` either way."""
+        x, y, z = self.point(key, 3, most=most)
+        return x, y, z
 
 
 def points(

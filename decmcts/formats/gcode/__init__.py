@@ -9,18 +9,14 @@ from decmcts.formats.gcode.reading.compare import ending_faults, same_extrusions
 from decmcts.formats.gcode.reading.reader import (
     read_gcode,
     read_motions,
-    read_result,
     read_written,
 )
-from decmcts.formats.gcode.writing.head_files import (
-    refuse_for_heads,
-    unprimed_note,
-    write_head_gcode,
-)
+from decmcts.formats.gcode.writing.head_files import write_head_gcode
+from decmcts.formats.gcode.writing.head_refusals import refuse_for_heads, unprimed_note
 from decmcts.formats.gcode.writing.writer import write_gcode
 
 __all__ = [
     "Block", "Cursor", "GcodeDocument", "Motions", "StateTable", "ending_faults",
-    "read_gcode", "read_motions", "read_result", "read_written", "refuse_for_heads",
+    "read_gcode", "read_motions", "read_written", "refuse_for_heads",
     "same_extrusions", "unprimed_note", "write_gcode", "write_head_gcode",
 ]  # fmt: skip

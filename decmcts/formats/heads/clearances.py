@@ -27,18 +27,15 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.files.names import in_one_line
+from decmcts.formats.slicers.known import every
 from decmcts.print.machine import Head, Machine, Slice
 
 __all__ = ["Clearances", "Setting", "clearance_head", "clearance_machine", "read_clearances"]
 
-RADII = ("extruder_clearance_radius", "extruder_clearance_max_radius")
-RODS = (
-    "extruder_clearance_height",
-    "extruder_clearance_height_to_rod",
-    "extruder_clearance_height_to_lid",
-)
+RADII = every("radius")
+RODS = tuple(sorted(every("rod"), key=len))  # the plain name first
 NOZZLE = "nozzle_height"
-BEDS = ("printable_area", "bed_shape")
+BEDS = every("bed")
 SETTINGS = (
     *RADII,
     *RODS,

@@ -18,40 +18,12 @@ from decmcts.formats.machines.machine_dict import machine_from_dict
 from decmcts.formats.machines.prusa_geometries import machine_from_geometries
 from decmcts.formats.machines.rail_family import SIZES, rail_machine
 from decmcts.formats.machines.slicer_profile import machine_from_ini, machine_from_json
+from decmcts.formats.slicers.known import together
 from decmcts.print.machine import Machine
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
 _INI = re.compile(r"^(?P<file>.+\.ini)(:(?P<name>[^/\\]+))?$", re.IGNORECASE)
 _RAILS = {f"rail-{heads}": heads for heads in SIZES}  # presets that have no file
-_MODELS = (  # PrusaSlicer's printer_model, the longer names first
-    (r"COREONEL", "coreonel"),
-    (r"COREONE", "coreone"),
-    (r"MK4S", "mk4s"),
-    (r"MK4", "mk4"),
-    (r"MK3S?(MMU\w*)?$", "mk3s"),
-    (r"MINI", "mini"),
-    (r"XL", "xl"),
-    (r"HT90", "ht90"),
-)
-_BY_CLEARANCES = {  # printer_model in lower case: preset made of a profile's clearances
-    "ender3": "ender3",  # PrusaSlicer's names
-    "ender3bltouch": "ender3",
-    "ender3pro": "ender3",
-    "ender3v2": "ender3",
-    "voron_v2_300": "voron24-300",
-    "voron_v2_300_afterburner": "voron24-300",
-    "voron_v2_300_aferburner": "voron24-300",  # as PrusaSlicer 2.4 spells it
-    "voron_v2_350": "voron24-350",
-    "voron_v2_350_afterburner": "voron24-350",
-    "creality ender-3": "ender3",  # OrcaSlicer's and Bambu Studio's
-    "creality ender-3 pro": "ender3",
-    "creality ender-3 v2": "ender3",
-    "voron 2.4 300": "voron24-300",
-    "voron 2.4 350": "voron24-350",
-    "bambu lab x1 carbon": "x1c",
-    "bambu lab p1s": "p1s",
-    "bambu lab a1": "a1",
-}
 
 
 def preset_names() -> list[str]:
@@ -102,12 +74,13 @@ def load_machine(name_or_path: str) -> Machine:
 
 def preset_for_printer(model: str) -> str | None:
     """Return the preset for a slicer's `printer_model`, e.g. MK4S or MINIIS, or None."""
-    return next((name for pattern, name in _MODELS if re.match(pattern, model.upper())), None)
+    known = together("printers").items()
+    return next((name for pattern, name in known if re.match(pattern, model.upper())), None)
 
 
 def preset_by_clearances(model: str) -> str | None:
     """Return the preset made of the clearances in this printer's profile, or None."""
-    return _BY_CLEARANCES.get(model.strip().lower())
+    return together("profiles").get(model.strip().lower())
 
 
 def _presets() -> Traversable:

@@ -4,10 +4,14 @@ The printer's name and the clearances are what a slicer wrote into the G-code.
 Presets with Prusa's own shapes of a head stand for their printer whatever the
 clearances; those made of a profile's clearances give way to a file that asks for
 more room, which its user may have had to.
+
+Slicers write settings as comments, ``; name = value``, at the beginning or the end of a file.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +20,16 @@ from decmcts.errors import InputError
 from decmcts.formats.heads.clearances import (
     SETTINGS,
     Clearances,
+    Setting,
     clearance_machine,
     read_clearances,
 )
-from decmcts.formats.heads.head_polygon import inner_radius
+from decmcts.formats.heads.head_dict import inner_radius
 from decmcts.formats.machines.machine_file import (
     load_machine,
     preset_by_clearances,
     preset_for_printer,
 )
-from decmcts.formats.machines.slicer_settings import comment_settings
 from decmcts.print.machine import Machine
 
 PAGE = "docs/measure-your-head.md"
@@ -97,3 +101,30 @@ def holds(machine: Machine, found: Clearances) -> bool:
     disc = max(radius for height, radius in parts if radius < across and height <= begin)
     rod = min((height for height, radius in parts if radius >= across), default=np.inf)
     return bool(disc >= found.radius - HAIR_MM and rod <= found.rod)
+
+
+def comment_settings(
+    text: bytes, names: Iterable[str], path: Path | str | None = None
+) -> dict[str, Setting]:
+    """Return the settings of these names in a G-code text.
+
+    Raises
+    ------
+    InputError
+        When one of them stands there twice with different values.
+    """
+    wanted = b"|".join(re.escape(name.encode()) for name in sorted(names))
+    found: dict[str, Setting] = {}
+    for match in re.finditer(rb"^;[ \t]*(" + wanted + rb")[ \t]*=([^\r\n]*)", text, re.M):
+        name, value = match[1].decode(), match[2].decode("utf-8", "replace").strip()
+        if name not in found:
+            found[name] = Setting(value, text.count(b"\n", 0, match.start()) + 1)
+        elif found[name].text != value:
+            raise InputError(
+                f"{name} is {value[:40]!r} here and {found[name].text[:40]!r}"
+                f" in line {found[name].line}",
+                path=path,
+                line=text.count(b"\n", 0, match.start()) + 1,
+                advice="name the head with --machine",
+            )
+    return found

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.dialects.roles import CANONICAL
+from decmcts.formats.gcode.dialects.dialect import CANONICAL
 from decmcts.formats.mesh.options import SliceOptions
-from decmcts.formats.mesh.sections import Layers
-from decmcts.formats.mesh.shells import find_shells
-from decmcts.formats.mesh.skirt import skirt_beads
-from decmcts.formats.mesh.toolpaths import Bead, layer_beads
+from decmcts.formats.mesh.sections import Layers, find_shells
+from decmcts.formats.mesh.toolpaths import Bead, layer_beads, skirt_beads
 from decmcts.print.contours import Role
 from decmcts.version import __version__
 

@@ -20,6 +20,12 @@ def is_mesh(path: Path) -> bool:
     return path.suffix.lower() in MESH_SUFFIXES and not has_plates(path)
 
 
+_COUNTS = ("perimeters", "top_layers", "bottom_layers", "skirts")
+_FEEDS = (
+    "perimeter_feed", "external_feed", "infill_feed", "solid_feed", "first_layer_feed",
+    "travel_feed", "retract_feed",
+)  # fmt: skip
+_LENGTHS = ("retract_mm", "retract_min_travel_mm", "skirt_distance")
 _PARK_MM = 5.0  # from the edge of the bed
 _NO_LIMIT_MM = 1e5  # a reach beyond this is no limit
 
@@ -95,34 +101,23 @@ class SliceOptions:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        self._within("nozzle", 0.1, 2.0)
-        self._within("layer_height", 0.02, 0.9 * self.nozzle)
-        self._within("first_layer_height", 0.02, self.nozzle)
-        if self.width != 0.0:
-            self._within("width", 0.6 * self.nozzle, 2.5 * self.nozzle)
-        self._within("density", 0.0, 1.0)
-        self._within("filament_diameter", 0.5, 5.0)
-        for name in ("perimeters", "top_layers", "bottom_layers", "skirts"):
-            self._within(name, 0, 1000)
-        for name in ("perimeter_feed", "external_feed", "infill_feed", "solid_feed"):
-            self._within(name, 0.1, 2000.0)
-        for name in ("first_layer_feed", "travel_feed", "retract_feed"):
-            self._within(name, 0.1, 2000.0)
-        for name in ("retract_mm", "retract_min_travel_mm", "skirt_distance"):
-            self._within(name, 0.0, 500.0)
-        self._within("temperature", 150.0, 500.0)  # colder no plastic flows
-        self._within("bed_temperature", 0.0, 200.0)
-        self._within("fan_percent", 0.0, 100.0)
+        width = (0.6 * self.nozzle, 2.5 * self.nozzle) if self.width else (0.0, 0.0)
+        limits = {
+            "nozzle": (0.1, 2.0), "layer_height": (0.02, 0.9 * self.nozzle),
+            "first_layer_height": (0.02, self.nozzle), "width": width, "density": (0.0, 1.0),
+            "filament_diameter": (0.5, 5.0), **dict.fromkeys(_COUNTS, (0, 1000)),
+            **dict.fromkeys(_FEEDS, (0.1, 2000.0)), **dict.fromkeys(_LENGTHS, (0.0, 500.0)),
+            "temperature": (150.0, 500.0),  # colder no plastic flows
+            "bed_temperature": (0.0, 200.0), "fan_percent": (0.0, 100.0),
+        }  # fmt: skip
+        for name, (least, most) in limits.items():
+            if not least <= (value := getattr(self, name)) <= most:
+                raise InputError(f"{name} {value:g} is outside {least:g}..{most:g}")
 
     def for_machine(self, machine: Machine) -> SliceOptions:
         """Return the same options for a mesh in the middle of a machine's bed."""
         bed = Bed.of(machine)
         return replace(self, bed=bed, center=bed.center)
-
-    def _within(self, name: str, least: float, most: float) -> None:
-        value = getattr(self, name)
-        if not least <= value <= most:
-            raise InputError(f"{name} {value:g} is outside {least:g}..{most:g}")
 
     @property
     def bead_width(self) -> float:

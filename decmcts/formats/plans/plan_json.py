@@ -27,9 +27,11 @@ from decmcts.formats.files.fields import Fields, shown
 from decmcts.formats.files.reading import once, one_line, read_bytes
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
-from decmcts.formats.plans.plan_actions import actions_from_dicts, actions_to_dicts, check_points
-from decmcts.formats.plans.plan_contours import (
+from decmcts.formats.plans.plan_rows import (
     acceleration_from_dicts,
+    actions_from_dicts,
+    actions_to_dicts,
+    check_points,
     contours_from_dicts,
     contours_to_dicts,
 )

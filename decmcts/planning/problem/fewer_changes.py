@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
-from decmcts.formats.gcode.writing.fewer_changes import FreeChanges, free_changes, merged, with_runs
+from decmcts.formats.gcode.writing.fewer_changes import FreeChanges, free_changes, with_runs
+from decmcts.formats.gcode.writing.parts import without_blocks
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.options import Rules
@@ -56,7 +57,7 @@ def _regrouped(source: Source, rules: Rules, report: Report) -> Source | str:
     if isinstance(free, str):
         return free
     report(Step("an order with fewer changes of tools"))
-    loose, text = merged(job, document, free)
+    loose, text = without_blocks(job, document, free.blocks)
     try:
         problem = problem_of(replace(source, job=loose, document=text), rules, report)
     except InputError as error:

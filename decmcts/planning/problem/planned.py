@@ -14,11 +14,10 @@ from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.events import Report, Step
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.brief import brief
-from decmcts.print.cut import cut_metrics
+from decmcts.print.cut import cut_metrics, with_welds
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.print.welds import with_welds
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.metrics import plan_metrics

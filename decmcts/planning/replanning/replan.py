@@ -18,7 +18,7 @@ from agents.launch import launch as launch_agents
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
-from decmcts.formats.gcode.writing.stretches import Stretch, with_stretches
+from decmcts.formats.gcode.writing.parts import Stretch, with_stretches
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Report, Step, Stop, never, unheard

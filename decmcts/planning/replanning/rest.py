@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.writing.stretches import Stretch
+from decmcts.formats.gcode.writing.parts import Stretch
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
 from decmcts.print.job import PrintJob

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import EdgeKind
 from decmcts.feasibility.rules import contacts_between
-from decmcts.formats.gcode.cut_document import cut_document, has_stiff_arc, uncut_segments
+from decmcts.formats.gcode.writing.parts import cut_document, has_stiff_arc, uncut_segments
 from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Cut, Freedom

@@ -23,11 +23,11 @@ from decmcts.planning.problem.planned import Planned, document_of
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.outcome import Outcome
+from decmcts.print.cut import late_contours
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.print.welds import late_contours
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
 from decmcts.team.engine.plans import StatedOrder

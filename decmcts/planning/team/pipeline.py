@@ -36,6 +36,7 @@ from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_boun
 from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.narrow import narrow_note
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
+from decmcts.print.cut import late_contours
 from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.machine import Machine
@@ -43,7 +44,6 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.print.plan import PlanDocument
 from decmcts.print.seam import SeamEntries
 from decmcts.print.toolpath import Toolpath
-from decmcts.print.welds import late_contours
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.placing import place_that_fits

@@ -19,11 +19,9 @@ from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, require_sound
-from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine, Release
+from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan
-from decmcts.print.sync_words import SyncWords
 from sim.content.pieces import parted_source
 from sim.content.same_print import is_other_print
 from sim.faults import Verdict
@@ -81,13 +79,9 @@ class HeadWriter(Protocol):
         head_index: int,
         out: Path,
         *,
+        machine: Machine,
         header_lines: Sequence[str],
-        park: tuple[float, float, float] | None,
-        release: Release,
-        interval_s: float,
-        words: SyncWords,
         points: SyncPoints,
-        idle: Idle,
     ) -> None:
         """Write to `out`."""
         ...
@@ -165,11 +159,7 @@ def _draft(
     """Write the draft of one head's file, read it back and walk it along the plan."""
     own = machine.head(plan.heads[head].head)
     report(Step(f"writing {path.name}"))
-    write(
-        document, job, plan, head, path, header_lines=header, park=own.park,
-        release=machine.release, interval_s=machine.signal_interval_s, words=machine.words,
-        points=points, idle=own.idle,
-    )  # fmt: skip
+    write(document, job, plan, head, path, machine=machine, header_lines=header, points=points)
     report(Step(f"reading {path.name} back"))
     try:
         file = read_head_file(path, machine.words)

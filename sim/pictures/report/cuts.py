@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from decmcts.print.contours import Role
+from decmcts.print.cut import weld_ages
 from decmcts.print.plan import PlanDocument
-from decmcts.print.welds import weld_ages
 from sim.pictures.report.blobs import Blobs
 
 STEP_MM = 0.01

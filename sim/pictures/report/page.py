@@ -8,9 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from decmcts.formats.files.atomic import write_whole
-from decmcts.print.happened import happened
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog
+from decmcts.print.print_state import happened
 from sim.pictures.report.data import History, page_data
 from sim.pictures.report.facts import CarriedOut, Told
 

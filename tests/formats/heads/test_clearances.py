@@ -13,7 +13,7 @@ from decmcts.formats.heads.clearances import (
     clearance_machine,
     read_clearances,
 )
-from decmcts.formats.machines.slicer_settings import comment_settings
+from decmcts.formats.machines.own_machine import comment_settings
 from decmcts.print.machine import Slice
 
 

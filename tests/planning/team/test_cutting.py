@@ -30,11 +30,10 @@ from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.joint import sweep_plan
 from decmcts.planning.team.pipeline import plan_team, prepared, swept
 from decmcts.planning.verify import verify
-from decmcts.print.cut import OUTSIDE
+from decmcts.print.cut import OUTSIDE, cuts_of, weld_ages
 from decmcts.print.job import PrintJob
 from decmcts.print.motion import segment_times
 from decmcts.print.plan import ActionKind
-from decmcts.print.welds import cuts_of, weld_ages
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.dec_mcts import planner
 from decmcts.team.engine.plans import encode_stated

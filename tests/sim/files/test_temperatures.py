@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.controller.targets import Targets
+from decmcts.formats.gcode.controller.held import Targets
 from decmcts.formats.machines.machine_file import load_machine
 from sim.files.temperatures import check_temperatures
 from sim.files.written import verify_written

@@ -12,6 +12,7 @@ from decmcts.formats.gcode import read_gcode, write_head_gcode
 from decmcts.print.plan import JointPlan
 from sim.heads.file import read_head_file
 from sim.heads.together import verify_heads
+from tests.makers.parked import parked
 from tests.sim.heads.test_together import END, PARKS, START, actions_of
 from tests.work import bytecodes, grows_linearly
 
@@ -49,7 +50,7 @@ def files_of(count: int, folder: Path) -> Judged:
     )
     paths = [folder / f"out_{count}_{actions.head}.gcode" for actions in plan.heads]
     for k, path in enumerate(paths):
-        write_head_gcode(document, job, plan, k, path, header_lines=[], park=PARKS[k])
+        write_head_gcode(document, job, plan, k, path, machine=parked(plan, PARKS))
     return paths, plan, job, document
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.formats.gcode import read_result
+from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machines.machine_file import load_machine
 from sim.faults import FaultKind
 from sim.replay.contacts import source_meetings
@@ -29,14 +29,14 @@ def judged(tmp_path: Path, text: str, machine: str = "mk4s"):
     source, result = tmp_path / "in.gcode", tmp_path / "out.gcode"
     source.write_text(scarf_gcode(TWO))
     result.write_text(text)
-    job, _, theirs = read_result(source)
-    return verify_motions(read_result(result)[2], theirs, load_machine(machine), job=job)
+    job, document = read_gcode(source)
+    return verify_motions(read_motions(result), document.moves, load_machine(machine), job=job)
 
 
 def test_scarf_seams_meet_the_wall_beside_them_and_nothing_below(tmp_path: Path):
     """Each outer wall meets the inner wall of its layer, half a layer deep."""
     (tmp_path / "in.gcode").write_text(scarf_gcode(TWO[:1]))
-    contours = read_result(tmp_path / "in.gcode")[0].contours
+    contours = read_gcode(tmp_path / "in.gcode")[0].contours
     machine = load_machine("mk3s")
     found = source_meetings(contours, machine, machine.heads[0], 1e-3)
     assert found.ordered.tolist() == [[3 * k + 1, 3 * k] for k in range(4)]

@@ -16,12 +16,13 @@ from shapely.affinity import translate
 from decmcts.errors import InputError
 from decmcts.print.motion import filament_time
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
-from decmcts.print.toolpath import Toolpath, visit_points
+from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import one_head_toolpaths
 from decmcts.team.engine.space import build_space, printing_times, travel_row
 from decmcts.team.engine.spaces_kernels import travel_seconds
 from decmcts.team.schedule import travels
 from decmcts.team.schedule.joint_plan import schedule
+from tests.direct_actions import visit_points
 
 SEEDS = range(6)
 

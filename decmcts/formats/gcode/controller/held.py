@@ -2,10 +2,15 @@
 
 A word holds until one that covers it is said: `M204 S` covers P and T, `M593 F` without an axis
 covers F of both axes. What says more is said first, and what covers a part of it behind it.
+
+Temperatures are held too, as far as a file's own commands state them. Slicers that print parts one
+by one state bed and hot end anew before each part. The target that is in force already changes
+nothing, and needs no barrier. What is not known is not taken for known.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -15,6 +20,13 @@ _FORMS = {"M204": ("S", ""), "M593": ("", "X Y", "X", "Y")}  # what covers other
 
 Word = tuple[str, str]  # its form, and the word
 Key = tuple[str, str]  # an axis, or "", and a word
+SETS = re.compile(r"M(104|140)\s++S\s*+(\d++(?:\.\d*+)?|\.\d++)(?:\s++T\s*+(\d++))?", re.I)
+WAITS = re.compile(r"M1(09|90)\s++[SR]\s*+(\d++(?:\.\d*+)?|\.\d++)(?:\s++T\s*+(\d++))?", re.I)
+_HEATERS = {"104": "hot end", "09": "hot end", "140": "bed", "90": "bed"}
+# Printers that probe with the nozzle cool it for that.
+COOL_NOZZLE = ("homing", "bed probing")
+# Barriers behind which each heater is as warm as before.
+KEEP_HEAT = ("dwell", "coordinates set anew", "wait for moves to end", "coordinate mode")
 
 
 @dataclass(slots=True)
@@ -87,3 +99,36 @@ def _said(command: str, form: str, params: Params) -> Iterator[tuple[Word, str, 
             yield (form, word), value, [("", word)]
         elif word not in axes:
             yield (" ".join(axes), word), value, [(axis, word) for axis in axes or ("X", "Y")]
+
+
+def target_of(code: str) -> str:
+    """Return the target that a command sets, whether it waits or not; of others the command."""
+    stated = SETS.fullmatch(code) or WAITS.fullmatch(code)
+    return code if stated is None else f"{float(stated[2]):g} degrees"
+
+
+@dataclass(slots=True)
+class Targets:
+    """The targets in force while the lines of a file go by; mutates only itself."""
+
+    known: dict[tuple[str, str], float] = field(default_factory=dict)  # heater and tool -> °C
+
+    def again(self, code: str, reason: str) -> bool:
+        """Take a barrier, and tell whether it only sets a target that is in force.
+
+        One that waits is never said in vain: the heater may not be there yet.
+        """
+        stated = SETS.fullmatch(code) or WAITS.fullmatch(code)
+        if stated is None:
+            if reason in COOL_NOZZLE:
+                self.known = {k: v for k, v in self.known.items() if k[0] != "hot end"}
+            elif reason not in KEEP_HEAT:
+                self.known.clear()
+            return False
+        heater, target, tool = _HEATERS[stated[1]], float(stated[2]), stated[3] or ""
+        if self.known.get((heater, tool)) == target and stated.re is SETS:
+            return True
+        for other in [key for key in self.known if key[0] == heater and "" in (key[1], tool)]:
+            del self.known[other]  # one of them names no tool: it may be the same heater
+        self.known[heater, tool] = target
+        return False

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.document import StateTable
+from decmcts.formats.slicers.known import every
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limit_row
 from decmcts.print.motion_kernels import (
@@ -52,7 +53,7 @@ def stated_limits(text: bytes) -> MotionLimits:
     legacy = found.get("gcode_flavor", "").strip() == "marlin"  # has no travel acceleration
     return MotionLimits(
         travel_feed=math.nan,
-        max_feed=_axes(found, "machine_max_feedrate_", "machine_max_speed_"),
+        max_feed=_axes(found, *sorted(every("max_feed"))),
         max_acceleration=_axes(found, "machine_max_acceleration_"),
         jerk=_axes(found, "machine_max_jerk_", least=0.0),
         acceleration=printing,
@@ -172,15 +173,22 @@ def _set(row: NDArray[np.float64], column: int, value: float, least: float = 1e-
         row[column] = value
 
 
+def _set_axes(
+    row: NDArray[np.float64], first: int, given: Mapping[str, float], *, least: float = 1e-6,
+    divisor: float = 1.0,
+) -> None:  # fmt: skip
+    """Write the limits of x, y, z and e in place, from column `first` on."""
+    for axis, letter in enumerate(_AXES):
+        _set(row, first + axis, given.get(letter, -1.0) / divisor, least)
+
+
 def _axis_feed(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
     minutes = max(given.get("X", 0.0), given.get("Y", 0.0)) > FASTEST
-    for axis, letter in enumerate(_AXES):
-        _set(row, FEED + axis, given.get(letter, -1.0) / (60.0 if minutes else 1.0))
+    _set_axes(row, FEED, given, divisor=60.0 if minutes else 1.0)
 
 
 def _axis_acceleration(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
-    for axis, letter in enumerate(_AXES):
-        _set(row, ACCELERATION + axis, given.get(letter, -1.0))
+    _set_axes(row, ACCELERATION, given)
 
 
 def _acceleration(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
@@ -192,10 +200,7 @@ def _acceleration(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
 
 
 def _jerk(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
-    x = given.get("X", -1.0)
-    values = (x, given.get("Y", x), given.get("Z", -1.0), given.get("E", -1.0))
-    for axis, value in enumerate(values):
-        _set(row, JERK + axis, value, 0.0)
+    _set_axes(row, JERK, {"Y": given.get("X", -1.0), **given}, least=0.0)
     _set(row, DEVIATION, given.get("J", -1.0), 0.0)
 
 

@@ -12,13 +12,19 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.controller.held import Held
+from decmcts.formats.gcode.controller.held import Held, Targets, target_of
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_E, RELATIVE_XYZ
-from decmcts.formats.gcode.controller.targets import Targets, target_of
-from decmcts.formats.gcode.dialects.dialect import OF_TOOL, Event, Kind, classify, without_brackets
-from decmcts.formats.gcode.dialects.layers import with_note
-from decmcts.formats.gcode.dialects.roles import CANONICAL, trailing_role
+from decmcts.formats.gcode.dialects.dialect import (
+    CANONICAL,
+    OF_TOOL,
+    Event,
+    Kind,
+    classify,
+    trailing_role,
+    with_note,
+    without_brackets,
+)
 from decmcts.formats.gcode.document import UNSET, StateTable
 from decmcts.formats.gcode.text.lines import EXPONENT, Lines
 from decmcts.print.contours import Role
@@ -61,6 +67,7 @@ class _Recorder:
     """Collects while the lines go by; mutates only itself."""
 
     lines: Lines
+    motion: Motion
     slots: dict[str, int] = field(default_factory=dict)
     values: dict[tuple[str, bool], int] = field(default_factory=lambda: {("", False): UNSET})
     tools: set[str] = field(default_factory=set)
@@ -73,8 +80,79 @@ class _Recorder:
     rows: dict[tuple[int, ...], int] = field(default_factory=lambda: {(): 0})
     at: list[int] = field(default_factory=lambda: [-1])
     ids: list[int] = field(default_factory=lambda: [0])
+    targets: Targets = field(default_factory=Targets)
+    layers: list[int] = field(default_factory=list)  # these and the rest as `Track` has them
+    barriers: dict[int, str] = field(default_factory=dict)
+    splits: list[int] = field(default_factory=list)
+    sections: list[tuple[int, int]] = field(default_factory=list)
+    repeats: list[int] = field(default_factory=list)
+    idle: list[int] = field(default_factory=list)
+    opened: int = -1  # line at which a section has begun
+    marker: str = ""  # of the last layer, with its notes
 
-    def put(self, slot: str, text: str, line: int, *, left: bool = False) -> None:
+    def record(self, event: Event, line: int) -> None:
+        """Take a line that is no move."""
+        kind = event.kind
+        if kind == Kind.UNREADABLE:
+            raise self.lines.refuse(line, EXPONENT, "write it without")
+        if kind == Kind.STATE:
+            self.take(event, line)
+        elif kind == Kind.LAYER:
+            self.layers.append(line)
+            self.marker = event.text
+            self.set_slot("layer", self.marker, line)
+        elif kind == Kind.LAYER_NOTE:
+            self.note(event, line)
+        elif kind == Kind.LEAVE:
+            if not self.leave_slot(event.slot, event.text, line) and event.slot == "object":
+                self.idle.append(line)
+        elif kind == Kind.SPLIT:
+            self.splits.append(line)
+        elif kind == Kind.SECTION:
+            self.opened = line
+        elif kind == Kind.SECTION_END and self.opened >= 0:
+            self.sections.append((self.opened, line))
+            self.opened = -1
+        elif kind == Kind.BARRIER:
+            self.stop(event.text, event.slot, line)
+        elif kind == Kind.MODE and _changes(self.motion, line):
+            self.stop("coordinate mode", "", line)
+
+    def stop(self, reason: str, slot: str, line: int) -> None:
+        """Take a barrier, unless it only repeats a temperature, and what it sets."""
+        code = _code(self.lines, line)
+        if self.targets.again(code, reason):
+            self.repeats.append(line)
+            return
+        self.barriers[line] = reason
+        if slot:
+            self.set_slot(slot, target_of(code), line)
+        if slot == "tool":
+            self.select(code, line)
+        self.keep_factor(code, line)
+
+    def note(self, event: Event, line: int) -> None:
+        """Append a line to the layer's marker or the object it belongs to."""
+        if event.slot == "layer":
+            if self.marker:
+                self.marker = with_note(self.marker, event.text)
+                self.set_slot("layer", self.marker, line)
+            return
+        now = self.get("object")
+        if now and event.text not in now.split("\n"):
+            self.set_slot("object", f"{now}\n{event.text}", line)
+
+    def take_comment(self, line: int) -> None:
+        """Take role and layer from the comment behind a move, as if written above it."""
+        lines = self.lines
+        comment = lines.text[lines.comment[line] : lines.ends[line]].decode("utf-8", "replace")
+        if (role := trailing_role(comment)) != Role.UNKNOWN:
+            self.set_slot("type", f";TYPE:{CANONICAL[role]}", line - 1)
+        elif match := _NEXT_LAYER.match(comment):
+            self.layers.append(line)
+            self.set_slot("layer", f";LAYER:{match.group(1)}", line)
+
+    def set_slot(self, slot: str, text: str, line: int, *, left: bool = False) -> None:
         """Set a slot from `line` on; `left` where another tool has left it so."""
         where = self.slots.setdefault(slot, len(self.slots))
         if where == len(self.current):
@@ -116,7 +194,7 @@ class _Recorder:
             self.tool = tool
             for slot in sorted(OF_TOOL & self.slots.keys()):
                 self.merged.pop(slot, None)
-                self.put(slot, self.get(slot), line, left=self.get(slot) != "")
+                self.set_slot(slot, self.get(slot), line, left=self.get(slot) != "")
 
     def get(self, slot: str) -> str:
         """Return the text in a slot."""
@@ -136,14 +214,14 @@ class _Recorder:
         elif event.params:
             self.merge(event.slot, event, line)
         else:
-            self.put(event.slot, event.text, line)
+            self.set_slot(event.slot, event.text, line)
 
     def merge(self, slot: str, event: Event, line: int, form: str = "") -> None:
         """Set the parameters of a command that holds them one by one."""
         held = self.merged.get(slot)
         if held is None or held.command != event.text:
             held = self.merged[slot] = Held(event.text)
-        self.put(slot, held.say(event.params, form=form, whole=event.whole), line)
+        self.set_slot(slot, held.say(event.params, form=form, whole=event.whole), line)
 
     def keep_factor(self, code: str, line: int) -> None:
         """Take an M220 that keeps the factor of speed (B) or puts it back (R)."""
@@ -153,9 +231,9 @@ class _Recorder:
         if "B" in words:
             self.factor = self.get("speed factor") or self.factor
         if "R" in words:
-            self.put("speed factor", self.factor, line)
+            self.set_slot("speed factor", self.factor, line)
         if new := re.search(r"S\s*([\d.]+)", words):
-            self.put("speed factor", f"M220 S{new[1]}", line)
+            self.set_slot("speed factor", f"M220 S{new[1]}", line)
 
     def leave_slot(self, slot: str, text: str, line: int) -> bool:
         """End the object in a slot and keep the words that end it; False where none is open."""
@@ -163,7 +241,7 @@ class _Recorder:
         if where is None or where >= len(self.current) or self.current[where] == UNSET:
             return False
         self.leave[self.current[where]] = text
-        self.put(slot, "", line)
+        self.set_slot(slot, "", line)
         return True
 
     def table(self) -> StateTable:
@@ -184,57 +262,19 @@ def track_state(lines: Lines, motion: Motion) -> Track:
         At a line with a number that is read in different ways, and where more is set than any
         machine has.
     """
-    recorder, targets = _Recorder(lines), Targets()
-    layers, splits = list[int](), list[int]()
-    barriers: dict[int, str] = {}
-    repeats, idle = list[int](), list[int]()
-    sections: list[tuple[int, int]] = []
-    opened, last_layer = -1, ""
-    known = cache(classify)  # most lines say what others said
+    recorder, known = _Recorder(lines, motion), cache(classify)  # most lines say what others said
     moves = (lines.letter == 71) & (lines.code <= 30)
     for line in _event_lines(lines, moves).tolist():
         if moves[line]:
-            _trailing(recorder, lines, line, layers)
-            continue
-        event = known(lines.raw(line))
-        kind = event.kind
-        if kind == Kind.UNREADABLE:
-            raise lines.refuse(line, EXPONENT, "write it without")
-        if kind == Kind.STATE:
-            recorder.take(event, line)
-        elif kind == Kind.LAYER:
-            layers.append(line)
-            last_layer = event.text
-            recorder.put("layer", last_layer, line)
-        elif kind == Kind.LAYER_NOTE:
-            last_layer = _note(recorder, event, line, last_layer)
-        elif kind == Kind.LEAVE:
-            if not recorder.leave_slot(event.slot, event.text, line) and event.slot == "object":
-                idle.append(line)
-        elif kind == Kind.SPLIT:
-            splits.append(line)
-        elif kind == Kind.SECTION:
-            opened = line
-        elif kind == Kind.SECTION_END and opened >= 0:
-            sections.append((opened, line))
-            opened = -1
-        elif kind == Kind.BARRIER or (kind == Kind.MODE and _changes(motion, line)):
-            reason = event.text if kind == Kind.BARRIER else "coordinate mode"
-            code = _code(lines, line)
-            if targets.again(code, reason):
-                repeats.append(line)
-                continue
-            barriers[line] = reason
-            if event.slot:
-                recorder.put(event.slot, target_of(code), line)
-            if event.slot == "tool":
-                recorder.select(code, line)
-            recorder.keep_factor(code, line)
+            recorder.take_comment(line)
+        else:
+            recorder.record(known(lines.raw(line)), line)
+    integers = (recorder.layers, recorder.splits, recorder.repeats, recorder.idle)
+    layers, splits, repeats, idle = (np.asarray(each, np.int64) for each in integers)
     return Track(
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
-        np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),
-        np.asarray(sections, np.int64).reshape(-1, 2), np.asarray(repeats, np.int64),
-        np.asarray(idle, np.int64),
+        layers, recorder.barriers, splits,
+        np.asarray(recorder.sections, np.int64).reshape(-1, 2), repeats, idle,
         frozenset(value for (_, left), value in recorder.values.items() if left),
     )  # fmt: skip
 
@@ -245,35 +285,12 @@ def _code(lines: Lines, line: int) -> str:
     return " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
 
 
-def _note(recorder: _Recorder, event: Event, line: int, last_layer: str) -> str:
-    """Append a line to the marker or object it belongs to; returns the marker."""
-    if event.slot == "layer":
-        if last_layer:
-            last_layer = with_note(last_layer, event.text)
-            recorder.put("layer", last_layer, line)
-        return last_layer
-    now = recorder.get("object")
-    if now and event.text not in now.split("\n"):
-        recorder.put("object", f"{now}\n{event.text}", line)
-    return last_layer
-
-
 def _event_lines(lines: Lines, moves: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the lines to classify: no moves, unless only their comments name roles."""
     wanted = ~moves & (lines.ends > lines.starts)
     if not _TYPED.search(lines.text):
         wanted |= moves & (lines.comment < lines.ends)
     return np.flatnonzero(wanted).astype(np.int64)
-
-
-def _trailing(recorder: _Recorder, lines: Lines, line: int, layers: list[int]) -> None:
-    """Take role and layer from the comment behind a move, as if written above it."""
-    comment = lines.text[lines.comment[line] : lines.ends[line]].decode("utf-8", "replace")
-    if (role := trailing_role(comment)) != Role.UNKNOWN:
-        recorder.put("type", f";TYPE:{CANONICAL[role]}", line - 1)
-    elif match := _NEXT_LAYER.match(comment):
-        layers.append(line)
-        recorder.put("layer", f";LAYER:{match.group(1)}", line)
 
 
 def _changes(motion: Motion, line: int) -> bool:

@@ -1,8 +1,13 @@
-"""What one line means, for every slicer we know: a pure function of its text.
+"""What one line means, in the words of all slicers (`formats.slicers`): a function of its text.
 
 A line is sticky state, a layer marker, an object label, a comment without
 meaning for the order, or a barrier. What is not known is a barrier: nothing is
 guessed to be harmless.
+
+In a new order a layer is entered many times. Its marker, height and number are said each
+time: they describe what comes next. What the slicer wrote around its first move
+(`BEFORE_LAYER_CHANGE`, `AFTER_LAYER_CHANGE`) is what scripts act on once a layer, so it is
+said once, where the layer is first begun.
 """
 
 from __future__ import annotations
@@ -12,53 +17,25 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
 
-from decmcts.formats.gcode.dialects.roles import is_role_comment
+from decmcts.formats.slicers import slic3r
+from decmcts.formats.slicers.known import DIALECTS, every, together
+from decmcts.print.contours import Role
 
+BY_NAME = {
+    name: role for known in DIALECTS for role, names in known.roles.items() for name in names
+}
+CANONICAL = {role: names[0].capitalize() for role, names in slic3r.DIALECT.roles.items()}
+CANONICAL[Role.SKIRT_BRIM] = "Skirt/Brim"
+_TYPED = re.compile(r"(?:TYPE|FEATURE)\s*:\s*(.*)$", re.I)
+_KISS = re.compile(r"'([^']+ Path)'", re.I)
 Params = tuple[tuple[str, str], ...]
-
-
-class Kind(IntEnum):
-    """What a line does to the print."""
-
-    NOTHING = 0  # a comment, progress, a mode that is set already
-    STATE = 1  # sticky: holds until it is set again
-    LAYER = 2  # a layer begins
-    LAYER_NOTE = 3  # a line that belongs to the layer marker above it
-    LEAVE = 4  # the object (or label) in `slot` ends
-    BARRIER = 5  # nothing may be moved across
-    MODE = 6  # G90, G91, M82, M83: a barrier if it changes anything
-    SECTION = 7  # a tool change of the slicer begins
-    SECTION_END = 8
-    SPLIT = 9  # our own mark: the next bead is another contour though it begins here
-    UNREADABLE = 10  # a number in it has an exponent
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """The meaning of one line."""
-
-    kind: Kind
-    slot: str = ""  # which state it sets
-    text: str = ""  # the state's text, or the barrier's reason
-    params: Params = ()  # of a command whose parameters hold one by one
-    tools: tuple[str, ...] | None = None  # that it names, of a setting of a tool; (): that in use
-    names: str = ""  # the word that names them
-    whole: str = ""  # the command, if it may be said again as it stands
-
-
 SPLIT_MARK = "; next contour"
 WAIT_MARK = "; decmcts waits for cooling"  # behind a dwell of ours, which plans make anew
 IDLE_MARK = "; decmcts stands idle"
 DWELL_MARKS = (WAIT_MARK, IDLE_MARK)
-_NOTHING = Event(Kind.NOTHING)
-_LAYER = re.compile(
-    r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*+(?::\s*+)?-?\d++\s*+(,|$)|-+ LAYER "
-    r"|BEGIN_LAYER|\*+ LAYER |LAYER \d+",
-    re.I,
-)
-_BESIDE = re.compile(
-    r"(BEFORE|AFTER)_LAYER_CHANGE$|LAYER NUM/TOTAL_LAYER_COUNT:|-?(\d++(?:\.\d*+)?|\.\d++)$", re.I
-)  # comments below a layer's marker
+_LAYER = re.compile("|".join(every("layers")), re.I)
+_NOTE = re.compile("|".join(every("notes")), re.I)
+_VALUES = together("values")
 _TEMPERATURE = {"M104", "M109", "M140", "M190", "M141", "M191", "M142", "M116", "M303"}
 # Commands whose setting holds: slot and the parameter that selects which one.
 _REPLACED = {
@@ -95,6 +72,65 @@ _NAME = re.compile(r"[A-Za-z]\s*+\d++(\.\d++)?(?![A-Za-z_](?![-+.\d]))|[^\s]+") 
 _EXPONENT = re.compile(r"[0-9.]e[-+]?[0-9]")  # small: E5 behind a number is a word
 _DWELL = re.compile(r"G4 P\d+ ;")
 _WORD = re.compile(r'([A-Za-z])\s*("[^"]*"|[-+]?[0-9.]*(?::[-+]?[0-9.]+)*)')
+NUMBER = re.compile(r"\s*+;\s*+-?(\d++(?:\.\d*+)?|\.\d++)\s*+$")  # the height below such a line
+_ONCE = re.compile(r"\s*+;\s*+(BEFORE|AFTER)_LAYER_CHANGE\s*+$", re.I)
+
+
+def _name(body: str) -> str:
+    if match := _TYPED.match(body):
+        return match.group(1).strip().lower()
+    if match := _KISS.match(body):
+        return match.group(1).lower()
+    return body.strip().lower().removeprefix("feature ")
+
+
+def is_role_comment(body: str) -> bool:
+    """Tell whether a comment (without its marks) names what the next beads are for."""
+    if _TYPED.match(body):
+        return True
+    return _name(body) in BY_NAME and (":" not in body)
+
+
+def role_of(text: str) -> Role:
+    """Return the role a comment names; UNKNOWN for words that are not known."""
+    return BY_NAME.get(_name(text.lstrip("; (").rstrip(") ")), Role.UNKNOWN)
+
+
+def trailing_role(comment: str) -> Role:
+    """Return the role a comment behind a move names (Slic3r's ``--gcode-comments``)."""
+    return BY_NAME.get(comment.lstrip("; ").strip().lower(), Role.UNKNOWN)
+
+
+class Kind(IntEnum):
+    """What a line does to the print."""
+
+    NOTHING = 0  # a comment, progress, a mode that is set already
+    STATE = 1  # sticky: holds until it is set again
+    LAYER = 2  # a layer begins
+    LAYER_NOTE = 3  # a line that belongs to the layer marker above it
+    LEAVE = 4  # the object (or label) in `slot` ends
+    BARRIER = 5  # nothing may be moved across
+    MODE = 6  # G90, G91, M82, M83: a barrier if it changes anything
+    SECTION = 7  # a tool change of the slicer begins
+    SECTION_END = 8
+    SPLIT = 9  # our own mark: the next bead is another contour though it begins here
+    UNREADABLE = 10  # a number in it has an exponent
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """The meaning of one line."""
+
+    kind: Kind
+    slot: str = ""  # which state it sets
+    text: str = ""  # the state's text, or the barrier's reason
+    params: Params = ()  # of a command whose parameters hold one by one
+    tools: tuple[str, ...] | None = None  # that it names, of a setting of a tool; (): that in use
+    names: str = ""  # the word that names them
+    whole: str = ""  # the command, if it may be said again as it stands
+
+
+_NOTHING = Event(Kind.NOTHING)
 
 
 @lru_cache(maxsize=65536)
@@ -133,13 +169,12 @@ def _comment(text: str) -> Event:
     body = text.lstrip("; (").rstrip(") ")
     upper = body.upper()
     key = upper.split(":", 1)[0].strip() if ":" in upper else ""
-    if key in ("WIDTH", "LINE_WIDTH"):
-        return Event(Kind.STATE, "width", text)
-    if key in ("HEIGHT", "LAYER_HEIGHT") and not text.startswith("; LAYER_HEIGHT: ;"):
-        return Event(Kind.STATE, "height", text)
-    if key in ("Z", "Z_HEIGHT") or _BESIDE.match(body):
+    stated = _VALUES.get(key, "")
+    if stated in ("width", "height") and not text.startswith("; LAYER_HEIGHT: ;"):
+        return Event(Kind.STATE, stated, text)
+    if stated == "layer" or _NOTE.match(body):
         return Event(Kind.LAYER_NOTE, "layer", text)
-    if key in ("MESH", "PRINTING"):
+    if stated == "mesh":
         return Event(Kind.STATE, "mesh", text)
     if is_role_comment(body):
         return Event(Kind.STATE, "type", text)
@@ -150,13 +185,13 @@ def _comment(text: str) -> Event:
 
 def _label(text: str, body: str) -> Event:
     lower = body.lower()
-    if lower.startswith(("printing object", "start printing object")):
+    if lower.startswith(every("objects")):
         return Event(Kind.STATE, "label", text)
-    if lower.startswith("stop printing object"):
+    if lower.startswith(every("objects_end")):
         return Event(Kind.LEAVE, "label", text)
-    if body.startswith(("CP TOOLCHANGE START", "WIPE_TOWER_START")):
+    if body.startswith(every("changes")):
         return Event(Kind.SECTION, text=text)
-    if body.startswith(("CP TOOLCHANGE END", "WIPE_TOWER_END")):
+    if body.startswith(every("changes_end")):
         return Event(Kind.SECTION_END, text=text)
     return _NOTHING
 
@@ -250,3 +285,39 @@ def _barrier(name: str, code: str, rest: str) -> Event:
     return Event(
         Kind.BARRIER, "", _REASONS.get(name, "unknown command" if known else "unknown macro")
     )
+
+
+@dataclass(frozen=True, slots=True)
+class LayerWords:
+    """The lines at the beginning of a layer."""
+
+    always: tuple[str, ...]  # marker, height, number
+    before: tuple[str, ...]  # once, before the head goes there
+    after: tuple[str, ...]  # once, when it is there
+
+
+def layer_words(text: str) -> LayerWords:
+    r"""Part the lines of a layer's marker.
+
+    Examples
+    --------
+    >>> words = layer_words(";LAYER:2\n;BEFORE_LAYER_CHANGE\n;0.4\n;AFTER_LAYER_CHANGE")
+    >>> words.always, words.before, words.after
+    ((';LAYER:2',), (';BEFORE_LAYER_CHANGE', ';0.4'), (';AFTER_LAYER_CHANGE',))
+    """
+    parts: dict[str, list[str]] = {"": [], "BEFORE": [], "AFTER": []}
+    at = ""
+    for line in text.split("\n") if text else []:
+        if once := _ONCE.match(line):
+            at = once.group(1).upper()
+        elif not NUMBER.match(line):
+            at = ""
+        parts[at].append(line)
+    return LayerWords(*(tuple(part) for part in parts.values()))
+
+
+def with_note(marker: str, note: str) -> str:
+    """Return a layer's lines with one more; a bare number belongs to the line above it."""
+    if NUMBER.match(note) and not _ONCE.match(marker.rsplit("\n", 1)[-1]):
+        return marker
+    return f"{marker}\n{note}"

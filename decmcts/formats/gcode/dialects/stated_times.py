@@ -12,15 +12,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from decmcts.formats.slicers.known import every
+
 GONE = b"; left out by decmcts, true of another order: "
 M73 = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?M0*73(?![\d.])([^;\r\n]*)", re.I)
 _COUNT = re.compile(rb"^M73[^;\n]*?\b%s(\d+)", re.M)
 WORD = re.compile(rb"([PRQSCD])\s*(\d+(?:\.\d+)?)", re.I)
+_LABELS = "|".join((f"(?:{'|'.join(every('time_words'))})++time", *every("times"))).encode()
 _TIMES = re.compile(
-    rb"^;[ \t*-]*+(?:TIME|TIME_ELAPSED|PRINT\.TIME|PRINTING_TIME|REMAINING_TIME|print(?:ing)? time"
-    rb"|build time|(?:total |estimated |model |first |layer |printing |print |build )++time"
-    rb"|total estimated \(pre-cool\) minutes)[ \t]*+(?:\([^)\r\n]*+\)[ \t]*+)?[:=][^\r\n]*",
-    re.I | re.M,
+    rb"^;[ \t*-]*+(?:%b)[ \t]*+(?:\([^)\r\n]*+\)[ \t]*+)?[:=][^\r\n]*" % _LABELS, re.I | re.M
 )
 _VALUE = re.compile(rb"([:=][ \t]*)([^;:=\r\n]*)")
 _PART = re.compile(

@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode.controller.motion import Motion
-from decmcts.formats.gcode.controller.state import Track
-from decmcts.formats.gcode.dialects.roles import role_of
+from decmcts.formats.gcode.dialects.dialect import role_of
 from decmcts.formats.gcode.document import StateTable
-from decmcts.formats.gcode.reading.dots import beyond_retracted
-from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.reading.grouping import Parsed, Runs, beyond_retracted
 from decmcts.formats.gcode.reading.grouping_kernels import MOVED, heaviest_label
 from decmcts.print.contours import Role
 
@@ -51,8 +49,9 @@ class _Shape:
     level: NDArray[np.float64]  # (n,) z of its highest bead across the bed, else its lowest z
 
 
-def measure_beads(motion: Motion, runs: Runs, track: Track, *, filament_mm: float) -> Beads:
+def measure_beads(parsed: Parsed, *, filament_mm: float) -> Beads:
     """Return the bead of every contour and extruding move."""
+    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     moves = np.flatnonzero(runs.contour >= 0)
     ids = runs.contour[moves]
     state = track.at(motion.line[moves])
@@ -70,7 +69,7 @@ def measure_beads(motion: Motion, runs: Runs, track: Track, *, filament_mm: floa
     role = heaviest_label(offsets, shape.length, roles[column][state], len(Role))
     return Beads(
         np.maximum.reduceat(width, offsets[:-1]), np.maximum.reduceat(height, offsets[:-1]),
-        role.astype(np.int8), _layers(motion, runs, track, shape.level), width, height,
+        role.astype(np.int8), _layers(parsed, shape.level), width, height,
     )  # fmt: skip
 
 
@@ -147,13 +146,9 @@ def _round_width(
     return np.clip(width, WIDTH_LIMITS_MM[0], WIDEST_DOT_MM)[ids]
 
 
-def _layers(
-    motion: Motion,
-    runs: Runs,
-    track: Track,
-    level: NDArray[np.float64],
-) -> NDArray[np.int32]:
+def _layers(parsed: Parsed, level: NDArray[np.float64]) -> NDArray[np.int32]:
     """Return the layer of each contour: markers above it, else its level."""
+    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     if len(track.layer_lines):
         above = np.searchsorted(track.layer_lines, motion.line[runs.first])
         _, dense = np.unique(above, return_inverse=True)

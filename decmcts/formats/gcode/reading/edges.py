@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode.controller.held import Key, keys_of
-from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
-from decmcts.formats.gcode.reading.dots import REFILLS
-from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.reading.grouping import REFILLS, Parsed
 
 DOWN_MM = 1e-3  # heights nearer than that are one
 _WHOLE: Key = ("", "")  # what a command sets that is said whole
@@ -29,17 +27,18 @@ Ints = NDArray[np.int64]
 
 
 def state_edges(
-    motion: Motion, runs: Runs, track: Track, layer: NDArray[np.int32]
+    parsed: Parsed, layer: NDArray[np.int32]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the contours an epoch begins at, and those that set something first, (n,) bool.
 
     The latter run one way only: reversed, what holds behind the command would hold
     before it, and what is not set yet cannot be set back.
     """
+    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     edge, one_way = np.zeros(len(runs), np.bool_), np.zeros(len(runs), np.bool_)
     first = track.table.rows[track.at(motion.line[runs.first])]
     last = track.table.rows[track.at(motion.line[runs.last])]
-    _mark_first_layer(edge, motion, runs, track, layer)
+    _mark_first_layer(edge, parsed, layer)
     for k, slot in enumerate(track.table.slots):
         used = np.unique([first[:, k], last[:, k]])
         if slot in DESCRIBES or slot.startswith(SILENT) or _can_be_left(track, slot, used):
@@ -52,13 +51,14 @@ def state_edges(
         one_way |= within
         edge |= within  # set within this contour: it ends its epoch
         edge[1:] |= within[:-1] | grows[end[:-1], begin[1:]]
-    _mark_dots(edge, motion, runs, track)
+    _mark_dots(edge, parsed)
     edge[0] = False
     return edge, one_way
 
 
-def _mark_dots(edge: NDArray[np.bool_], motion: Motion, runs: Runs, track: Track) -> None:
+def _mark_dots(edge: NDArray[np.bool_], parsed: Parsed) -> None:
     """Mark in place the first dot between two tool changes, and what follows the last."""
+    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     refills = sorted(line for line, reason in track.barriers.items() if reason in REFILLS)
     if not refills:
         return
@@ -97,17 +97,12 @@ def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
     return said, np.array(grows, np.bool_)
 
 
-def _mark_first_layer(
-    edge: NDArray[np.bool_],
-    motion: Motion,
-    runs: Runs,
-    track: Track,
-    layer: NDArray[np.int32],
-) -> None:
+def _mark_first_layer(edge: NDArray[np.bool_], parsed: Parsed, layer: NDArray[np.int32]) -> None:
     """Mark in place where the second layer begins, if cooling is another there.
 
     Not where the print comes down again to the first, for the next of several parts.
     """
+    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     later = np.flatnonzero(layer > 0)
     fans = [k for k, slot in enumerate(track.table.slots) if slot.startswith("fan")]
     if not len(later) or not later[0] or not fans:

@@ -4,6 +4,11 @@ A gap is made again from its habits unless it holds a barrier; then the lines
 from its first barrier to its last stay together, verbatim. Where a barrier may move filament and
 what the gap pulls and pushes does not add up without it, or where the gap leaves filament, the
 whole gap stays.
+
+A gap is what lies between two contours. What its moves push less what they pull is its *net*. The
+net goes with the contour behind the gap, whatever comes before that in another order, so that each
+tool gives in all orders what it gives in the source. Net and not retraction is counted: what a
+macro has pushed or pulled is not known, and must not be made up for.
 """
 
 from __future__ import annotations
@@ -18,17 +23,133 @@ from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, R
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.document import Block, Cursor
-from decmcts.formats.gcode.reading.grouping import Runs
-from decmcts.formats.gcode.reading.ledger import (
-    Gaps,
-    deposits,
-    net_before,
-    net_behind,
-    unsettled,
-)
+from decmcts.formats.gcode.reading.grouping import Parsed
 from decmcts.formats.gcode.text.lines import Lines
 from decmcts.formats.gcode.text.scan_kernels import X, Z
 from decmcts.print.job import Barrier
+
+DEPOSIT_MM = 0.2  # filament left in a gap beyond the habit: a blob, not a retraction
+SETTLED_MM = 0.01  # of filament; a gap whose net is less has pushed back what it pulled
+PULLED = 0.01  # mm of filament that counts as a retraction
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Gaps:
+    """What lies between contours k and k + 1, each (n - 1,)."""
+
+    begin: NDArray[np.int64]  # its first move,
+    end: NDArray[np.int64]  # and the move behind its last
+    tool: NDArray[np.int64]  # in use where the gap ends
+    changes: Bools  # another tool was in use where it begins
+    net: Floats  # pushed less pulled, mm, by all tools
+    depth: Floats  # most that is pulled and not pushed back within it, mm
+    firmware: Bools  # the firmware retracts in it
+
+    @property
+    def pulled(self) -> Bools:
+        """Whether the source retracts there."""
+        return np.asarray(self.firmware | (self.depth > PULLED))
+
+
+def gaps_of(parsed: Parsed) -> Gaps:
+    """Return the book of a source's gaps; linear in its moves."""
+    motion, runs = parsed.motion, parsed.runs
+    begin, end = runs.last[:-1] + 1, runs.first[1:]
+    total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])  # pushed less pulled before moves
+    tool = motion.modes[motion.line, TOOL].astype(np.int64)
+    lowest = total[begin]
+    if len(begin):
+        pairs = np.stack([begin, end + 1], axis=1).ravel()
+        lowest = np.minimum.reduceat(np.append(total, np.inf), pairs)[::2]
+    retracted = np.concatenate([[0], np.cumsum(motion.modes[:, FIRMWARE_RETRACTED])])
+    return Gaps(
+        begin, end, tool[end], tool[end] != tool[runs.last[:-1]], total[end] - total[begin],
+        total[begin] - lowest,
+        retracted[motion.line[end]] > retracted[motion.line[runs.last[:-1]] + 1],
+    )  # fmt: skip
+
+
+def deposits(motion: Motion, gaps: Gaps) -> Bools:
+    """Tell which gaps leave filament that no contour has, (n - 1,).
+
+    Beyond what the tool usually leaves, be it nothing, or what a restart distance adds. In
+    a gap in which the tool changes neither the one that comes nor both together may do so: what
+    one has pulled another may push, when it is used for the first time.
+    """
+    net, kept = gaps.net, ~gaps.changes
+    usual = np.zeros(len(net))
+    for tool in np.unique(gaps.tool[kept]).tolist():
+        own = gaps.tool == tool
+        usual[own] = np.median(net[own & kept])
+    over = net > np.maximum(usual, 0.0) + DEPOSIT_MM
+    under = net < np.minimum(usual, 0.0) - DEPOSIT_MM
+    found = kept & (over | under)
+    found[gaps.changes] = _left_by_changes(motion, gaps)
+    return np.asarray(found)
+
+
+def _left_by_changes(motion: Motion, gaps: Gaps) -> Bools:
+    """Tell which of the gaps with a change of tools leave filament, in their order."""
+    held: dict[int, float] = {}  # net of each tool since its last contour
+    found = []
+    for k in np.flatnonzero(gaps.changes).tolist():
+        span = slice(int(gaps.begin[k]), int(gaps.end[k]))
+        for tool, filament in zip(
+            motion.modes[motion.line[span], TOOL].tolist(), motion.extrusion[span].tolist(),
+            strict=True,
+        ):  # fmt: skip
+            held[tool] = held.get(tool, 0.0) + filament
+        left = held.pop(int(gaps.tool[k]), 0.0)
+        found.append(abs(left) > DEPOSIT_MM and abs(gaps.net[k]) > DEPOSIT_MM)
+    return np.array(found, np.bool_)
+
+
+def unsettled(gaps: Gaps, unknown: Bools) -> Bools:
+    """Tell which gaps leave to a macro what they pull or push, (n - 1,).
+
+    Parameters
+    ----------
+    unknown : (n - 1,) bool
+        Gaps with a line of which it is not known what it does to the filament.
+    """
+    usual = float(np.median(gaps.net[~unknown])) if (~unknown).any() else 0.0
+    settled = np.abs(gaps.net - (usual if abs(usual) < DEPOSIT_MM else 0.0)) <= SETTLED_MM
+    return np.asarray(unknown & ~settled & ~(np.abs(gaps.net) <= SETTLED_MM))
+
+
+def net_before(parsed: Parsed, line: int) -> float:
+    """Return the net, mm, of the moves above a line that come after the last contour there."""
+    motion, runs = parsed.motion, parsed.runs
+    move = int(motion.before[line])
+    k = int(np.searchsorted(runs.last, move)) - 1
+    since = int(runs.last[k]) + 1 if k >= 0 else move
+    return float(motion.extrusion[since:move].sum())
+
+
+def net_behind(parsed: Parsed, line: int) -> float:
+    """Return the net, mm, of the moves from a line on that come before the next contour."""
+    motion, runs = parsed.motion, parsed.runs
+    move = int(motion.before[line])
+    k = int(np.searchsorted(runs.first, move))
+    until = int(runs.first[k]) if k < len(runs.first) else move
+    return float(motion.extrusion[move:until].sum())
+
+
+def due_at_begins(gaps: Gaps, parted: Bools) -> Floats:
+    """Return what the source leaves pulled where each contour begins, (n,) mm.
+
+    Below 0 where it has pushed more than it pulled. What lies around the lines of a block
+    (`parted`, (n,): one stands before the contour) is the block's.
+    """
+    due = np.zeros(len(parted))
+    due[1:] = -gaps.net
+    due[parted] = 0.0
+    due[np.abs(due) < 1e-9] = 0.0
+    due.setflags(write=False)
+    return due
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +164,9 @@ class Blocks:
     parted: NDArray[np.bool_]  # (n,) a block stands before it
 
 
-def cursor_at(motion: Motion, track: Track, line: int, *, owed: float) -> Cursor:
+def cursor_at(parsed: Parsed, line: int, *, owed: float) -> Cursor:
     """Return where the controller stands before a line; for `owed` see `Cursor`."""
+    motion = parsed.motion
     move = int(motion.before[line])
     x, y, z = motion.points[move].tolist()
     above = max(line - 1, 0)
@@ -52,15 +174,14 @@ def cursor_at(motion: Motion, track: Track, line: int, *, owed: float) -> Cursor
     return Cursor(
         (x, y, z), float(motion.extruder[above, 0]),
         float(motion.feed[move - 1]) if move else 0.0, owed, float(motion.extruder[above, 1]),
-        bool(modes[FIRMWARE_RETRACTED]), bool(modes[RELATIVE_E]), int(track.at(line)),
+        bool(modes[FIRMWARE_RETRACTED]), bool(modes[RELATIVE_E]), int(parsed.track.at(line)),
         int(modes[TOOL]),
     )  # fmt: skip
 
 
 def find_blocks(
-    lines: Lines, motion: Motion, track: Track, runs: Runs, gaps: Gaps, *,
-    edges: NDArray[np.bool_], towers: NDArray[np.bool_],
-) -> Blocks:  # fmt: skip
+    parsed: Parsed, gaps: Gaps, *, edges: NDArray[np.bool_], towers: NDArray[np.bool_]
+) -> Blocks:
     """Return the blocks of a print.
 
     Parameters
@@ -70,13 +191,14 @@ def find_blocks(
     towers : (n,) bool
         Contours of a tool change: they stay in their sequence, word for word.
     """
+    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     n = len(runs)
     begin = motion.line[runs.last[:-1]] + 1  # lines of gap k + 1: begin[k]..end[k] - 1
     end = motion.line[runs.first[1:]]
     whole = np.zeros(n, np.bool_)
     whole[1:] = towers[1:] & towers[:-1]
     held = np.zeros(n, np.bool_)
-    held[1:] = deposits(motion, runs, gaps) | unsettled(gaps, _unknown(track, begin, end))
+    held[1:] = deposits(motion, gaps) | unsettled(gaps, _unknown(track, begin, end))
     whole |= held
     walls = np.fromiter(track.barriers, np.int64, len(track.barriers))
     low, high = np.searchsorted(walls, begin), np.searchsorted(walls, end)
@@ -91,13 +213,13 @@ def find_blocks(
         span = (int(begin[c - 1]), int(end[c - 1]))
         if not whole[c]:
             span = (int(walls[low[c - 1]]), int(walls[high[c - 1] - 1]) + 1)
-        block = _block(lines, motion, track, runs, span, int(epoch[c]))
+        block = _block(parsed, span, int(epoch[c]))
         beside = bool(towers[c] or towers[c - 1])
         blocks.append(replace(block, edge=bool(edges[c]), tower=beside))
     tied = towers | whole
     tied[:-1] |= whole[1:]
     named = [b for b in track.barriers.items() if begin[0] <= b[0] < end[-1]] if n > 1 else []
-    barriers = _named(lines, named, blocks)
+    barriers = _named(parsed.lines, named, blocks)
     return Blocks(tuple(blocks), barriers, epoch, tied, held, broken | whole)
 
 
@@ -108,18 +230,17 @@ def _unknown(track: Track, begin: NDArray[np.int64], end: NDArray[np.int64]) -> 
     return np.asarray(np.searchsorted(rows, end) > np.searchsorted(rows, begin))
 
 
-def _block(
-    lines: Lines, motion: Motion, track: Track, runs: Runs, span: tuple[int, int], epoch: int
-) -> Block:
+def _block(parsed: Parsed, span: tuple[int, int], epoch: int) -> Block:
+    lines, motion, barriers = parsed.lines, parsed.motion, parsed.track.barriers
     first, last = span
-    inside = [track.barriers[k] for k in range(first, last) if k in track.barriers]
+    inside = [barriers[k] for k in range(first, last) if k in barriers]
     moved = motion.points[motion.before[first] : motion.before[last] + 1]
     moves = (lines.letter[first:last] == 71) & (lines.code[first:last] <= 30)
     placed = moves[:, None] & ~np.isnan(lines.values[first:last, X : Z + 1])
     return Block(
         epoch, lines.span(first, last),
-        cursor_at(motion, track, first, owed=-net_before(motion, runs, first)),
-        cursor_at(motion, track, last, owed=net_behind(motion, runs, last)),
+        cursor_at(parsed, first, owed=-net_before(parsed, first)),
+        cursor_at(parsed, last, owed=net_behind(parsed, last)),
         bool(placed.any() or np.ptp(moved, axis=0).max() > 1e-9), first + 1,
         inside[0] if inside else "extrusion outside a contour", tuple(inside),
     )  # fmt: skip

@@ -1,4 +1,9 @@
-"""How the source retracts, hops, wipes and travels, read from its gaps."""
+"""How the source retracts, hops, wipes and travels, read from its gaps.
+
+Whether it leaves travels inside the part bare is learned too. Cura's combing shows in nothing
+else; PrusaSlicer's and Slic3r's settings name it (`only_retract_when_crossing_perimeters`), and
+then a single such travel is enough.
+"""
 
 from __future__ import annotations
 
@@ -10,31 +15,31 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
-from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
-from decmcts.formats.gcode.controller.state import Track
+from decmcts.formats.gcode.controller.moves_kernels import TOOL
 from decmcts.formats.gcode.dialects.stated_times import silent_share
 from decmcts.formats.gcode.document import Habits
-from decmcts.formats.gcode.reading.grouping import Runs
-from decmcts.formats.gcode.reading.ledger import PULLED, Gaps
-from decmcts.formats.gcode.text.lines import Lines
+from decmcts.formats.gcode.reading.gaps import PULLED, Gaps
+from decmcts.formats.gcode.reading.grouping import Parsed, Runs
+from decmcts.formats.slicers.known import either, every
+from decmcts.print.contours import Contours
 from decmcts.print.job import ProcessSettings, Retraction
 from decmcts.print.motion_kernels import TRAVELLING
+from decmcts.print.walls import bare_pairs, outer_walls
+from decmcts.print.walls_kernels import SAME_Z_MM
 
 ALIKE = 0.01  # share by which the habits of two tools may differ and be one
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
-_RULE = re.compile(
-    rb"^;\s*(?:slowdown_below_layer_time|slow_down_layer_time|minSpeedLayerTime|min_layer_time_s)"
-    rb" *[=,] *([\d., ]+)",
-    re.M,
-)  # PrusaSlicer and Slic3r; OrcaSlicer and Bambu Studio; Simplify3D; KISSlicer
-_RULE_ON = re.compile(
-    rb"^;\s*(?:cooling|slow_down_for_layer_cooling|adjustSpeedForCooling) *[=,] *([01, ]+)", re.M
-)
-_CURA_RULE = re.compile(rb"cool_min_layer_time\s*=\s*([\d.]+)")
-_CURA_BREAK = re.compile(rb"\r?\n;SETTING_3 ")
+_RULE = re.compile(rb"^;\s*(?:%b) *[=,] *([\d., ]+)" % either("layer_time"), re.M)
+_RULE_ON = re.compile(rb"^;\s*(?:%b) *[=,] *([01, ]+)" % either("slows"), re.M)
+_FOLDED_RULE = re.compile(rb"(?:%b)\s*=\s*([\d.]+)" % either("folded_layer_time"))
+_FOLD = re.compile("|".join(every("folds")).encode())
 CONFIG_BYTES = 2**20  # of a file's beginning and end: slicers write their settings there
 LONGEST_RULE_S = 600.0  # what is beyond this is no layer time
 _DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*(\d*+\.?\d*+)", re.I)
+HABIT_SHARE = 0.8  # of the long travels inside the part that must be bare
+LEAST_SEEN = 5  # of them, where no setting names the habit; of changes to a next layer, always
+LAYERS = 2.0  # layer heights a change to a next layer may climb
+_SAID = re.compile(rb"^; *(?:%b) *= *1" % either("bare_inside"), re.M)
 
 
 def filament_diameter(text: bytes) -> float:
@@ -52,8 +57,8 @@ def min_layer_time(text: bytes) -> float:
     if len(text) > 2 * CONFIG_BYTES:
         text = text[:CONFIG_BYTES] + text[-CONFIG_BYTES:]
     rule, on = _last_of(_RULE, text), _last_of(_RULE_ON, text)
-    if rule is None:  # Cura writes what differs from its profiles, broken into lines
-        rule = _last_of(_CURA_RULE, _CURA_BREAK.sub(b"", text))
+    if rule is None:
+        rule = _last_of(_FOLDED_RULE, _FOLD.sub(b"", text))
     if rule is None:
         return 0.0
     on = [1.0] if on is None else on
@@ -77,37 +82,32 @@ def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = No
     return float(kinds[np.argmax(np.bincount(index, weights))])
 
 
-def infer_settings(
-    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track
-) -> tuple[ProcessSettings, Habits]:
+def infer_settings(parsed: Parsed, gaps: Gaps) -> tuple[ProcessSettings, Habits]:
     """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
-    moves = _GapMoves.of(motion, runs)
+    text, motion = parsed.lines.text, parsed.motion
+    moves = _GapMoves.of(motion, parsed.runs)
     delta = np.diff(motion.points, axis=0)
     travel = moves.gap & ~moves.still & ~moves.pull & ~moves.push
     upright = moves.gap & moves.still & ~moves.pull & ~moves.push & (np.abs(delta[:, 2]) > 1e-9)
-    pulled = pulled_gaps(motion, runs, gaps)
-    length = np.linalg.norm(
-        motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
-    )
-    of_tool = _retractions(lines, motion, runs, gaps, track, moves, pulled)
+    pulled = gaps.pulled
+    length = np.linalg.norm(motion.points[gaps.end] - motion.points[gaps.begin], axis=1)
+    of_tool = _retractions(parsed, gaps, moves)
     usual = max(of_tool, key=lambda tool: (of_tool[tool][1], -tool))
     retracts = np.isin(gaps.tool, [t for t, (one, _) in of_tool.items() if _any_of(one)])
     settings = ProcessSettings(
         travel_feed=_usual(motion.feed[travel], moves.across[travel]),
         retract_min_travel_mm=_threshold(length[retracts], pulled[retracts]),
         z_feed=_usual(motion.feed[upright]),
-        travel_acceleration=_usual_acceleration(
-            lines, motion, track, travel, np.linalg.norm(delta, axis=1)
-        ),
-        min_layer_time_s=min_layer_time(lines.text),
+        travel_acceleration=_usual_acceleration(parsed, travel, np.linalg.norm(delta, axis=1)),
+        min_layer_time_s=min_layer_time(text),
         of_tools=((usual, of_tool[usual][0]),),
     ).for_tool(usual)
     main = of_tool[usual][0]
     others = [(tool, one) for tool, (one, _) in of_tool.items() if not _alike(one, main)]
     return replace(settings, of_tools=tuple(sorted(others, key=lambda each: each[0]))), Habits(
-        resets_e=_occurs(lines, motion, runs, 71, 920),
-        progress=_progress(lines, motion, runs),
-        silent_share=silent_share(lines.text),
+        resets_e=_occurs(parsed, 71, 920),
+        progress=_progress(parsed),
+        silent_share=silent_share(text),
     )
 
 
@@ -144,16 +144,13 @@ def _any_of(retraction: Retraction) -> bool:
     return retraction.firmware_retraction or retraction.retract_mm > 0.0
 
 
-def _retractions(
-    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track, moves: _GapMoves,
-    pulled: NDArray[np.bool_],
-) -> dict[int, tuple[Retraction, int]]:  # fmt: skip
+def _retractions(parsed: Parsed, gaps: Gaps, moves: _GapMoves) -> dict[int, tuple[Retraction, int]]:
     """Return how each tool retracts between contours of its own, and how many it prints.
 
     A tool that shows no retraction there has none: what it pulls for a change of tools is no
     habit, and no more may be pulled than the source does.
     """
-    firmware = _firmware(motion, runs)
+    motion, runs = parsed.motion, parsed.runs
     of_contour = motion.modes[motion.line[runs.first], TOOL].astype(np.int64)
     found: dict[int, tuple[Retraction, int]] = {}
     for tool, count in zip(
@@ -165,43 +162,34 @@ def _retractions(
             for way in (moves.pull, moves.push)
         )
         amount = _usual_pull(gaps.depth[own])
-        by_firmware = bool(firmware[own].sum() * 2 > max(1, pulled[own].sum()))
+        by_firmware = bool(gaps.firmware[own].sum() * 2 > max(1, gaps.pulled[own].sum()))
         if by_firmware:
             last = int(runs.last[np.flatnonzero(of_contour == tool)[-1]])
-            amount, feeds = _told_to_firmware(lines, track, int(motion.line[last]))
+            amount, feeds = _stated_for_firmware(parsed, int(motion.line[last]))
         wiping = moves.gap & made & ~moves.still & moves.pull
         found[tool] = (
             Retraction(
-                amount, feeds[0], feeds[1], _hop(motion, runs, pulled & own), by_firmware,
-                **_wipe(motion, runs, wiping, moves.across, pulled & own),
+                amount, feeds[0], feeds[1], _hop(motion, gaps, gaps.pulled & own), by_firmware,
+                **_wipe(motion, gaps, wiping, moves.across, gaps.pulled & own),
             ),
             count,
         )  # fmt: skip
     return found
 
 
-def pulled_gaps(motion: Motion, runs: Runs, gaps: Gaps) -> NDArray[np.bool_]:
-    """Tell between which contours the source retracts, (n - 1,)."""
-    return np.asarray(_firmware(motion, runs) | (gaps.depth > PULLED))
-
-
-def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
+def _stated_for_firmware(parsed: Parsed, line: int) -> tuple[float, tuple[float, ...]]:
     """Return length, and feeds back and forth, of firmware retraction: moves don't show them."""
-    firmware = FirmwareRetraction.of(lines.text, track)
+    firmware = FirmwareRetraction.of(parsed.lines.text, parsed.track)
     pull, push = (firmware.at(line, pull=way) for way in (True, False))
     return -pull[0], (pull[1], push[1])
 
 
 def _usual_acceleration(
-    lines: Lines,
-    motion: Motion,
-    track: Track,
-    travel: NDArray[np.bool_],
-    length: NDArray[np.float64],
+    parsed: Parsed, travel: NDArray[np.bool_], length: NDArray[np.float64]
 ) -> float:
     """Return the acceleration most travel is made with as commands set it, 0 for none."""
-    stated = stated_limits(lines.text)
-    said = commanded(track.table, TRAVELLING, stated)[track.at(motion.line[travel])]
+    track, stated = parsed.track, stated_limits(parsed.lines.text)
+    said = commanded(track.table, TRAVELLING, stated)[track.at(parsed.motion.line[travel])]
     known = ~np.isnan(said)
     return _usual(said[known], length[travel][known])
 
@@ -212,24 +200,19 @@ def _usual_pull(pulled: NDArray[np.float64]) -> float:
     return round(float(np.median(some)), 6) if len(some) else 0.0
 
 
-def _progress(lines: Lines, motion: Motion, runs: Runs) -> str:
+def _progress(parsed: Parsed) -> str:
     """Return which parameters of M73 occur between the first bead and the last."""
+    lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     first, last = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
     told = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
     words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in told.tolist()})
     return "".join(letter for letter in "PRQS" if letter.encode() in words)
 
 
-def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:
+def _occurs(parsed: Parsed, letter: int, code: int) -> bool:
+    lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     span = slice(int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]]))
     return bool(((lines.letter[span] == letter) & (lines.code[span] == code)).any())
-
-
-def _firmware(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
-    """Tell which gaps contain a firmware retraction, (n - 1,)."""
-    on = np.concatenate([[0], np.cumsum(motion.modes[:, FIRMWARE_RETRACTED])])
-    begin, end = motion.line[runs.last[:-1]] + 1, motion.line[runs.first[1:]]
-    return np.asarray(on[end] > on[begin])
 
 
 def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
@@ -248,9 +231,9 @@ def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
     return min(best, LONGEST_BARE_MM)
 
 
-def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:
+def _hop(motion: Motion, gaps: Gaps, pulled: NDArray[np.bool_]) -> float:
     """Return how far retracted travels rise above both their ends."""
-    begin, end = runs.last[:-1] + 1, runs.first[1:]  # points: where a gap starts and stops
+    begin, end = gaps.begin, gaps.end  # points: where a gap starts and stops
     pairs = np.stack([begin, end + 1], axis=1).ravel()
     if not len(pairs) or not pulled.any():
         return 0.0
@@ -261,13 +244,13 @@ def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:
 
 
 def _wipe(
-    motion: Motion, runs: Runs, wiping: NDArray[np.bool_], across: NDArray[np.float64],
+    motion: Motion, gaps: Gaps, wiping: NDArray[np.bool_], across: NDArray[np.float64],
     pulled: NDArray[np.bool_],
 ) -> dict[str, float]:  # fmt: skip
     """Return the settings of the usual wipe; none when most gaps have none."""
     run = np.concatenate([[0.0], np.cumsum(np.where(wiping, across, 0.0))])
     taken = np.concatenate([[0.0], np.cumsum(np.where(wiping, -motion.extrusion, 0.0))])
-    begin, end = runs.last[:-1] + 1, runs.first[1:]
+    begin, end = gaps.begin, gaps.end
     length, filament = run[end] - run[begin], taken[end] - taken[begin]
     has = length > 1e-3
     if not has.any() or has.sum() * 2 < pulled.sum():
@@ -277,3 +260,54 @@ def _wipe(
         "wipe_filament_mm": float(np.median(filament[has])),
         "wipe_feed": _usual(motion.feed[wiping], across[wiping]),
     }
+
+
+def with_bare_travels(
+    text: bytes, contours: Contours, settings: ProcessSettings, pulled: NDArray[np.bool_]
+) -> ProcessSettings:
+    """Return the settings with the travels inside the part that the source leaves bare.
+
+    Their greatest length is learned, and their greatest climb to a next layer; 0 for no such habit.
+
+    Parameters
+    ----------
+    pulled : (n - 1,)
+        Whether the source retracts between a contour and the next.
+    """
+    if not pulled.any():
+        return settings
+    start, goal = contours.end[:-1], contours.start[1:]
+    length = np.linalg.norm(goal - start, axis=1)
+    long = np.flatnonzero(length >= settings.retract_min_travel_mm)
+    most = LAYERS * float(np.median(contours.height))
+    walls = outer_walls(contours)
+    inside = long[bare_pairs(walls, np.inf, start[long], goal[long], climb_mm=most)]
+    rise = goal[inside, 2] - start[inside, 2]
+    climbs = rise > SAME_Z_MM
+    least = 1 if _SAID.search(text) else LEAST_SEEN
+    longest = _longest(inside[~climbs], length, pulled, least)
+    if longest == 0.0:
+        return settings
+    bare = ~pulled[inside[climbs]]
+    if bare.sum() < max(LEAST_SEEN, HABIT_SHARE * len(bare)):
+        return replace(settings, bare_inside_mm=longest)
+    return replace(
+        settings,
+        bare_inside_mm=max(longest, _longest(inside, length, pulled, least)),
+        bare_climb_mm=float(np.ceil(1000.0 * rise[climbs][bare].max() - 1e-3) / 1000.0),
+    )
+
+
+def _longest(
+    inside: NDArray[np.int64], length: NDArray[np.float64], pulled: NDArray[np.bool_], least: int
+) -> float:
+    """Return the longest bare one of these travels, 0 if too few of the long ones are bare."""
+    order = inside[np.argsort(length[inside], kind="stable")]
+    bare = ~pulled[order]
+    # up to where the source most often does as the rule would: bare before, retracted beyond
+    right = np.concatenate([[0], np.cumsum(np.where(bare, 1, -1))])
+    kept = int(np.argmax(right))
+    seen = int(bare[:kept].sum())
+    if seen < least or seen < HABIT_SHARE * kept:
+        return 0.0
+    return float(np.ceil(1000.0 * length[order[:kept][bare[:kept]]].max()) / 1000.0)

@@ -14,24 +14,35 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
-from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, interpret
+from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, interpret
 from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
-from decmcts.formats.gcode.controller.state import Track, track_state
+from decmcts.formats.gcode.controller.state import track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
-from decmcts.formats.gcode.reading.combing import with_bare_travels
-from decmcts.formats.gcode.reading.dots import with_dots_apart
 from decmcts.formats.gcode.reading.edges import state_edges
-from decmcts.formats.gcode.reading.gaps import Blocks, cursor_at, find_blocks
-from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsafe
+from decmcts.formats.gcode.reading.gaps import (
+    Blocks,
+    cursor_at,
+    due_at_begins,
+    find_blocks,
+    gaps_of,
+    net_before,
+    net_behind,
+)
+from decmcts.formats.gcode.reading.grouping import (
+    Parsed,
+    find_runs,
+    refuse_unsafe,
+    with_dots_apart,
+)
 from decmcts.formats.gcode.reading.habits import (
     filament_diameter,
     infer_settings,
-    pulled_gaps,
+    with_bare_travels,
 )
-from decmcts.formats.gcode.reading.ledger import due_at_begins, gaps_of, net_before, net_behind
-from decmcts.formats.gcode.text.lines import Lines, above_comments, command_of, split_lines
+from decmcts.formats.gcode.text.lines import above_comments, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.formats.slicers.known import either, together
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
@@ -41,10 +52,8 @@ from decmcts.print.motion_kernels import PRINTING
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
 REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after
 _PACKED = re.compile(r"\.gz$|(?<=\.gcode)\.3mf$", re.I)
-_SLICERS = re.compile(
-    rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
-    rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
-)
+_SIGNS = together("signs")
+_SLICERS = re.compile(rb"(%b)[ ,]*(?:Version )?([\w.+-]*)" % either("signs"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +67,7 @@ class Ending:
 
 
 @dataclass(frozen=True, slots=True)
-class _Parsed:
-    lines: Lines
-    motion: Motion
-    track: Track
-    runs: Runs
+class _Parsed(Parsed):
     beads: Beads
 
 
@@ -73,7 +78,7 @@ def _parse(path: Path | str, plate: int | None = None, text: bytes | None = None
     track = track_state(lines, motion)
     runs = find_runs(lines, motion, track)
     refuse_unsafe(lines, motion, runs)
-    beads = measure_beads(motion, runs, track, filament_mm=filament_diameter(text))
+    beads = measure_beads(Parsed(lines, motion, track, runs), filament_mm=filament_diameter(text))
     return _Parsed(lines, motion, track, runs, beads)
 
 
@@ -97,35 +102,21 @@ def read_gcode(
     return job, document if text is None else replace(document, text=text)
 
 
-def read_result(
-    path: Path | str, plate: int | None = None
-) -> tuple[PrintJob, GcodeDocument, Motions]:
-    """Read a file as `read_gcode` and as `read_motions`, parsed once."""
-    job, document = read_gcode(path, plate)
-    assert document.moves is not None
-    return job, document, document.moves
-
-
 def read_written(
     path: Path | str, document: GcodeDocument, plate: int | None = None
 ) -> tuple[PrintJob, GcodeDocument, Motions, Ending]:
-    """Read a file made from `document` as `read_result` and as `ending_of`, parsed once."""
+    """Read a file made from `document`, its moves, and what it leaves to the end code, at once.
+
+    Raises
+    ------
+    InputError
+        As `read_gcode`, and when the file does not end with the end G-code of `document`.
+    """
     parsed = _parse(path, plate)
     ending = _ending(parsed, document, path)
     job, ours = _print_of(parsed, path, plate)
     assert ours.moves is not None
     return job, ours, ours.moves, ending
-
-
-def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
-    """Return what a file made from `document` leaves to the end G-code.
-
-    Raises
-    ------
-    InputError
-        When the file does not end with the end G-code of `document`.
-    """
-    return _ending(_parse(path), document, path)
 
 
 def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Ending:
@@ -140,7 +131,7 @@ def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Endin
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())
-    cursor = cursor_at(motion, parsed.track, line, owed=-net_before(motion, runs, line))
+    cursor = cursor_at(parsed, line, owed=-net_before(parsed, line))
     return Ending(cursor, parsed.track.table, (x, y, z), top)
 
 
@@ -150,20 +141,20 @@ def _print_of(
     """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
-    edges, one_way = state_edges(motion, runs, parsed.track, parsed.beads.layer)
-    gaps = gaps_of(motion, runs)
-    blocks = find_blocks(lines, motion, parsed.track, runs, gaps, edges=edges, towers=towers)
+    edges, one_way = state_edges(parsed, parsed.beads.layer)
+    gaps = gaps_of(parsed)
+    blocks = find_blocks(parsed, gaps, edges=edges, towers=towers)
     contours, point_state, point_arc = _contours(parsed, blocks, one_way)
-    settings, habits = infer_settings(lines, motion, runs, gaps, parsed.track)
-    settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs, gaps))
+    settings, habits = infer_settings(parsed, gaps)
+    settings = with_bare_travels(lines.text, contours, settings, gaps.pulled)
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
-    start = cursor_at(motion, parsed.track, top, owed=net_behind(motion, runs, top))
+    start = cursor_at(parsed, top, owed=net_behind(parsed, top))
     first = int(motion.line[runs.first[0]])
     document = GcodeDocument(
         str(path), lines.span(0, top), lines.span(bottom, len(lines)),
         b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
-        start, cursor_at(motion, parsed.track, bottom, owed=0.0), blocks.blocks,
+        start, cursor_at(parsed, bottom, owed=0.0), blocks.blocks,
         parsed.track.table, point_state, due_at_begins(gaps, blocks.parted),
         bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
         point_arc, motion.arcs, plate, _motions_of(parsed),
@@ -330,8 +321,8 @@ def _slicer(text: bytes) -> str:
     match = _SLICERS.search(text[:20000]) or _SLICERS.search(text[-40000:])
     if match is None:
         return ""
-    words = [part.decode("ascii", "replace") for part in match.groups()]
-    return " ".join(words).replace("Cura_SteamEngine", "Cura").replace("(R)", "").strip()
+    name, version = (part.decode("ascii", "replace") for part in match.groups())
+    return f"{_SIGNS[name]} {version}".strip()
 
 
 def _notes(

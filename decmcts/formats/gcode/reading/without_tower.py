@@ -10,8 +10,7 @@ import re
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.dialects.dialect import Kind, classify
-from decmcts.formats.gcode.dialects.roles import role_of
+from decmcts.formats.gcode.dialects.dialect import Kind, classify, role_of
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.contours import Role
 

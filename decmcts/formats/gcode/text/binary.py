@@ -223,14 +223,14 @@ def _read_block(raw: bytes, at: int, checked: bool, path: Path | str | None) -> 
     if checked and struct.unpack_from("<I", raw, end)[0] != zlib.crc32(raw[at:end]):
         _damaged(path, f"the checksum of a block of {_KINDS[kind]} is wrong {here}")
     block = Block(kind, compression, size, raw[head:begin], raw[begin:end])
-    if not _grows_as_told(block):
+    if not _grows_as_stated(block):
         _damaged(path, f"a block of {_KINDS[kind]} is not of the size it says {here}")
     if not _is_known(block):
         _damaged(path, f"a block of {_KINDS[kind]} is encoded in an unknown way {here}")
     return block, after
 
 
-def _grows_as_told(block: Block) -> bool:
+def _grows_as_stated(block: Block) -> bool:
     """Tell whether compressed data is of its stated size, unpacking no more than that."""
     if block.compression == _DEFLATE:
         inflate = zlib.decompressobj()

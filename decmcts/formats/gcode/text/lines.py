@@ -59,6 +59,11 @@ def command_of(line: bytes) -> bytes:
     return b"" if code[:1] in (b"(", b"") or _PROGRESS.match(code) else code
 
 
+def commands_of(text: bytes) -> list[bytes]:
+    """Return what the lines of a text command, those left out that command nothing."""
+    return list(filter(None, map(command_of, text.split(b"\n"))))
+
+
 def above_comments(row: Callable[[int], bytes], line: int, text: bytes) -> int:
     """Return the row at which the comments that `text` begins with begin, above row `line`.
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
-from decmcts.formats.gcode.dialects.layers import LayerWords, layer_words
-from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
-from decmcts.formats.gcode.writing.wipes import first_part, level_part
+from decmcts.formats.gcode.document import Cursor, GcodeDocument
+from decmcts.formats.gcode.writing.beads import first_part, level_part
+from decmcts.formats.gcode.writing.state_lines import StateLines
 from decmcts.print.job import DEFAULT_TRAVEL, ProcessSettings
 from decmcts.print.walls import no_walls, retracts
 from decmcts.print.walls_kernels import Walls
@@ -38,8 +38,6 @@ class Emitter:
         self, document: GcodeDocument, settings: ProcessSettings, walls: Walls | None = None
     ) -> None:
         self.document = document
-        self._told: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
-        self._arrival: tuple[str, ...] = ()  # to be said when the head is there
         self.settings = settings  # of the tool in use
         self._of_tool = {tool: settings.for_tool(tool) for tool, _ in settings.of_tools}
         self._usual = settings
@@ -52,11 +50,7 @@ class Emitter:
         self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
         self._feed_words: dict[float, str] = {}
-        slots = document.states.slots
-        self._heard = [k for k, slot in enumerate(slots) if not slot.startswith(SILENT)]
-        self._ahead = [k for k in self._heard if slots[k] in BEFORE_TRAVEL]
-        self._ranks = [_rank(slot) for slot in slots]
-        self._rows: dict[int, list[int]] = {}  # of states
+        self._states = StateLines(document, self.say)
         self.travel_feed = settings.travel_feed or DEFAULT_TRAVEL
         self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
         self.e = 0.0
@@ -75,8 +69,7 @@ class Emitter:
         self.owed, self._pulled = cursor.owed, False
         self.firmware_retracted = cursor.firmware_retracted
         self.relative_e = cursor.relative_e  # M82 and M83 in the print are blocks
-        self.row = self.document.states.rows[cursor.state].tolist()
-        self._untold(layer_words(self.document.states.text(cursor.state, "layer")))
+        self._states.take(cursor.state)
 
     def use(self, tool: int) -> None:
         """Retract from now on as a tool does."""
@@ -130,16 +123,16 @@ class Emitter:
 
     def move(self, to: Point, feed: float, filament: float = 0.0) -> None:
         """Move in a straight line, with or without filament."""
-        if filament and feed == self.feed and self.beads((self.at, to), (filament,), 0, 1):
-            return
         x, y, z = self.at
+        across = to[0] != x or to[1] != y
         words = ["G1"]
-        if to[0] != x or to[1] != y:
+        if across:
             words += [f"X{to[0]:{self._xy}}", f"Y{to[1]:{self._xy}}"]
         if to[2] != z:
             words.append(f"Z{to[2]:{self._xy}}")
         if filament:
-            words.append(f"E{self._count(filament, bead=filament > 0.0)}")
+            wiped = feed == self.feed and across and to[2] == z  # on, behind a first segment
+            words.append(f"E{self._count(filament, bead=filament > 0.0 or wiped)}")
         if abs(feed - self.feed) > 1e-9:
             words.append(f"F{self._feed_word(feed)}")
         if len(words) > 1:
@@ -147,33 +140,6 @@ class Emitter:
         if to != self.at:
             self.leave()
         self.at, self.feed = to, feed
-
-    def beads(
-        self, points: Sequence[Sequence[float]], filament: Sequence[float], first: int, last: int
-    ) -> int:
-        """Print segments first..last - 1, k to point k + 1, at the feed and height in force.
-
-        Returns the first that has to be written in another way. All are formatted at once.
-        """
-        (x, y, z), e, spare = self.at, self.e, self.spare
-        words: list[float] = []
-        scale, relative, digits = self._scale, self.relative_e, self._decimals
-        for k in range(first, last + 1):
-            if k == last or not filament[k]:
-                break
-            to_x, to_y, to_z = points[k + 1]
-            if to_z != z or (to_x == x and to_y == y):
-                break
-            amount = filament[k] * scale
-            e += amount
-            if relative:
-                spare += amount - round(amount, digits)
-            words += (to_x, to_y, amount if relative else e)
-            x, y = to_x, to_y
-        if k > first:
-            self.lines.append(self._bead_line * (k - first) % tuple(words))
-            self.at, self.e, self.spare = (x, y, z), e, spare
-        return k
 
     def plain(self, ends: NDArray[np.float64], rounded_off: list[float], feed: float) -> None:
         """Print straight and level from where the head stands, all segments at one feed.
@@ -375,68 +341,13 @@ class Emitter:
         x, y, _ = self.at
         self.travel([(x, y, over), (to[0], to[1], over), to])
 
-    # -- state ------------------------------------------------------------------
-
     def set_state(self, state: int, *, before_travel: bool = False) -> None:
         """Write what turns the current machine state into `state`.
 
         With `before_travel` only the labels a travel belongs to.
         """
-        table = self.document.states
-        target = self._rows.get(state)
-        if target is None:
-            target = self._rows[state] = table.rows[state].tolist()
-        if not before_travel:
-            self._arrive()
-        if target == self.row:
-            return
-        due = self._ahead if before_travel else self._heard
-        changed = [k for k in due if self.row[k] != target[k]]
-        for k in changed:
-            if text := table.leave[self.row[k]]:
-                self._block_of(text)
-        changed.sort(key=self._ranks.__getitem__)
-        for k in changed:
-            if table.slots[k] == "layer":
-                self._enter(table.values[self.row[k]], table.values[target[k]])
-            elif target[k] != UNSET:
-                self._block_of(table.values[target[k]])
-            self.row[k] = target[k]
-        if not before_travel:
-            self._arrive()
-
-    def _enter(self, held: str, text: str) -> None:
-        """Write what begins a layer, and what belongs to its first move where that is made."""
-        words, had = layer_words(text), layer_words(held).always
-        grown = bool(had) and words.always[: len(had)] == had  # the same one, said in part
-        self._block_of("\n".join(words.always[len(had) if grown else 0 :]))
-        before, self._arrival = self._untold(words)
-        self._block_of("\n".join(before))
-
-    def _untold(self, words: LayerWords) -> tuple[tuple[str, ...], ...]:
-        """Return what is due around the first move of a layer, and take it as told."""
-        layer, parts = words.always[:2], (words.before, words.after)
-        due = tuple(() if (layer, lines) in self._told else lines for lines in parts)
-        self._told.update((layer, lines) for lines in parts)
-        return due
-
-    def _arrive(self) -> None:
-        """Write what follows the first move of a layer."""
-        if self._arrival:
-            self._block_of("\n".join(self._arrival))
-            self._arrival = ()
-
-    def _block_of(self, text: str) -> None:
-        for line in text.split("\n") if text else []:
-            self.say(line)
+        self._states.set(state, before_travel=before_travel)
 
     def text(self) -> bytes:
         """Return all that was written."""
         return b"".join(self.lines)
-
-
-def _rank(slot: str) -> int:
-    for rank, group in enumerate((BEFORE_TRAVEL, BEAD)):
-        if slot in group:
-            return 10 * rank + group.index(slot)
-    return 100

@@ -18,14 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.dialects.dialect import Kind, classify
 from decmcts.formats.gcode.document import DESCRIBES, Block, Cursor, GcodeDocument, StateTable
-from decmcts.formats.gcode.text.lines import command_of
-from decmcts.formats.gcode.writing.hot_ends import hot_end_command, selected_by
+from decmcts.formats.gcode.text.lines import command_of, commands_of
+from decmcts.formats.gcode.writing.hot_ends import unknown_row
 from decmcts.print.job import PrintJob
 
 _QUIET = re.compile(rb"(?:G0*(?:[0-4]|1[01](?![^;]*P)|9[0-2])|M(?:400|8[23]))(?![0-9.])", re.I)
-_HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)
 ALIKE_DIGITS = 3  # of filament, mm
 Pair = tuple[int, int]
 Ints = NDArray[np.int32]
@@ -81,16 +79,12 @@ def _pair(block: Block) -> Pair:
     return block.begin.tool, block.end.tool
 
 
-def _commands(text: bytes) -> tuple[bytes, ...]:
-    return tuple(filter(None, map(command_of, text.split(b"\n"))))
-
-
 def _sign(block: Block) -> tuple[object, ...]:
     """Return what two changes have in common that can stand for each other."""
     begin, end = block.begin, block.end
     filament = [round(x, ALIKE_DIGITS) for x in (begin.owed, end.owed, end.pulled)]
     firmware = begin.firmware_retracted, end.firmware_retracted
-    return _commands(block.text), *filament, *firmware, begin.relative_e, end.relative_e
+    return tuple(commands_of(block.text)), *filament, *firmware, begin.relative_e, end.relative_e
 
 
 def _unlike(block: Block, usual: bool, parted: bool) -> str:
@@ -113,11 +107,8 @@ def _first(block: Block, taken: set[int]) -> str:
     """
     if block.end.tool in taken:
         return ""
-    for row in _commands(block.text):
-        known = selected_by(row) is not None or hot_end_command(row) or _QUIET.match(row)
-        if not known and classify(row).kind not in (Kind.NOTHING, *_HELD):
-            text = row[:40].decode("utf-8", "replace")
-            return f"what '{text}' (line {block.line}) does to temperatures is not known"
+    if found := unknown_row(block.text, _QUIET):
+        return f"what '{found[1]}' (line {block.line}) does to temperatures is not known"
     return ""
 
 
@@ -161,20 +152,6 @@ def with_runs(
         job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills))
     )  # fmt: skip
     return job, replace(document, blocks=tuple(blocks), states=states.table())
-
-
-def merged(
-    job: PrintJob, document: GcodeDocument, free: FreeChanges
-) -> tuple[PrintJob, GcodeDocument]:
-    """Return a source whose free changes are no walls; without their text."""
-    stretch = free.stretches(job, document)
-    anew = dict(zip(job.contours.epoch.tolist(), stretch.tolist(), strict=True))
-    kept = [b for k, b in enumerate(document.blocks) if k not in free.blocks]
-    gone = {document.blocks[k].epoch for k in free.blocks}
-    blocks = tuple(replace(b, epoch=anew.get(b.epoch, int(stretch.max()) + 1)) for b in kept)
-    refills = tuple(anew[e] for e in job.refills if e not in gone and e in anew)
-    job = replace(job, contours=replace(job.contours, epoch=stretch), refills=refills)
-    return job, replace(document, blocks=blocks)
 
 
 class _Rows:

@@ -16,38 +16,22 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.controller.targets import Targets
+from decmcts.formats.gcode.controller.held import Targets
 from decmcts.formats.gcode.dialects.dialect import Kind, classify
 from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.job import PrintJob
 
-__all__ = [
-    "EARLY",
-    "OWN",
-    "Hears",
-    "HotEnd",
-    "HotEndTold",
-    "early_heat",
-    "hears",
-    "heats",
-    "hot_end_command",
-    "refuse_cold",
-    "said_to_hot_ends",
-    "selected_by",
-    "source_heats",
-    "told_to",
-]
-
 Hears = Literal["own", "off", "all"]  # temperatures for the selected tool: its head, or all heads
 OWN: Hears = "own"
 
-_COMMAND = re.compile(rb"^\s*(?:N\d+\s*)?M10([49])(?![0-9.])([^;(]*)", re.I)
+_COMMAND = re.compile(rb"^\s*M10([49])(?![0-9.])([^;(]*)", re.I)
 _VALUE = re.compile(rb"[SR]\s*(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"(?:^|(?<=[\s0-9.]))T\s*(\d+)", re.I)
-_BED = re.compile(rb"^\s*(?:N\d+\s*)?M1(?:40|90)(?![0-9.])([^;(]*)", re.I)
+_BED = re.compile(rb"^\s*M1(?:40|90)(?![0-9.])([^;(]*)", re.I)
 _MOVES = re.compile(rb"G0*(?:[0-3]|1[01](?!.*[PL]))(?![0-9.])", re.I)
 EARLY = "; while other heads are set up"
+HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force goes with beads
 _SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)", re.I)
 
 
@@ -58,6 +42,15 @@ class HotEnd(NamedTuple):
     heats: bool  # else it switches off
     tool: int | None  # that it names
     degrees: float | None = None  # None: the command has no number
+
+
+class Heard(NamedTuple):
+    """A command to a hot end, in the lines above an epoch."""
+
+    epoch: int
+    tool: int  # named, or selected there
+    named: bool
+    command: HotEnd
 
 
 class HotEndTold:
@@ -78,14 +71,6 @@ class HotEndTold:
     def degrees(self) -> float | None:
         """How hot it is to be; None: not known, or off. A macro behind that may have heated it."""
         return self._targets.known.get(("hot end", "")) or None
-
-
-class _Heated(NamedTuple):
-    """A hot end is heated, or waited for, above all that is printed from an epoch on."""
-
-    epoch: int
-    tool: int  # named, or selected
-    named: bool
 
 
 def selected_by(line: bytes) -> int | None:
@@ -139,7 +124,7 @@ def early_heat(text: bytes) -> list[str]:
 
 def source_heats(document: GcodeDocument) -> bool:
     """Say whether the source heats hot ends by commands at all."""
-    return any(command.heats for _, _, command in said_to_hot_ends(document))
+    return any(heard.command.heats for heard in said_to_hot_ends(document))
 
 
 def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
@@ -148,8 +133,8 @@ def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
     That is where the source heats, but each command names another tool.
     """
     for tool, word in _cold_tools(document, job).items():
-        above = _heated(document, waits=word == "M109")
-        if not any(not h.named and h.epoch <= _first_epoch(job, tool) for h in above):
+        first, above = _first_epoch(job, tool), _heated(document, waits=word == "M109")
+        if not any(not heard.named and heard.epoch <= first for heard in above):
             does = "waits for the heat of" if word == "M109" else "heats"
             raise InputError(
                 f"the source never {does} tool {tool} before it prints with it, and its head has a "
@@ -170,48 +155,55 @@ def _cold_tools(document: GcodeDocument, job: PrintJob) -> dict[int, str]:
         return {}
     for waits in (True, False):
         above = _heated(document, waits=waits)
-        if any(h.epoch <= job.contours.epoch.min() for h in above):
-            word = "M109" if waits else "M104"
-            return {t: word for t in tools if not _is_told(above, t, _first_epoch(job, t))}
+        if any(heard.epoch <= job.contours.epoch.min() for heard in above):
+            word, first = "M109" if waits else "M104", {t: _first_epoch(job, t) for t in tools}
+            heard = {each.tool for each in above if each.epoch <= first.get(each.tool, -1)}
+            return {tool: word for tool in tools if tool not in heard}
     return {}
-
-
-def _is_told(above: list[_Heated], tool: int, epoch: int) -> bool:
-    """Say whether one of these commands, up to an epoch, is for a tool."""
-    return any(h.tool == tool and h.epoch <= epoch for h in above)
 
 
 def _first_epoch(job: PrintJob, tool: int) -> int:
     return int(job.contours.epoch[job.contours.tool == tool].min())
 
 
-def _heated(document: GcodeDocument, *, waits: bool) -> list[_Heated]:
+def _heated(document: GcodeDocument, *, waits: bool) -> list[Heard]:
     """Return where the source heats hot ends, or with `waits` where it waits for them."""
-    return [
-        _Heated(epoch, selected if command.tool is None else command.tool, command.tool is not None)
-        for epoch, selected, command in said_to_hot_ends(document)
-        if command.heats and command.waits == waits
-    ]
+    every = said_to_hot_ends(document)
+    return [each for each in every if each.command.heats and each.command.waits == waits]
 
 
-def said_to_hot_ends(document: GcodeDocument) -> Iterator[tuple[int, int, HotEnd]]:
-    """Yield what is said to hot ends above and between prints: epoch, selected tool, command.
+def said_to_hot_ends(document: GcodeDocument) -> Iterator[Heard]:
+    """Yield what is said to hot ends above and between prints.
 
     Of what one tool's head alone is told behind the start code, what is for that tool, by name.
     """
-    yield from _in_text(0, document.preamble, 0)
+    yield from said_in(document.preamble, 0)
     for own in document.own_starts:
-        for _, selected, command in _in_text(0, own.text, own.selected):
-            if own.tool == (selected if command.tool is None else command.tool):
-                yield 0, own.tool, command._replace(tool=own.tool)
+        for heard in said_in(own.text, own.selected):
+            if own.tool == heard.tool:
+                yield heard._replace(named=True)
     for block in document.blocks:
-        yield from _in_text(block.epoch, block.text, block.begin.tool)
+        yield from said_in(block.text, block.begin.tool, block.epoch)
 
 
-def _in_text(epoch: int, text: bytes, selected: int) -> Iterator[tuple[int, int, HotEnd]]:
+def said_in(text: bytes, selected: int, epoch: int = 0) -> Iterator[Heard]:
     """Yield the commands to hot ends of some lines, above which a tool is selected."""
     for line in text.splitlines():
         if (tool := selected_by(line)) is not None:
             selected = tool
         elif command := hot_end_command(line):
-            yield epoch, selected, command
+            tool = selected if command.tool is None else command.tool
+            yield Heard(epoch, tool, command.tool is not None, command)
+
+
+def unknown_row(text: bytes, quiet: re.Pattern[bytes]) -> tuple[int, str] | None:
+    """Return which line of a block does what is not known, from 0, and its command; None: none.
+
+    Known are choices of tools, commands to hot ends, what is `quiet`, and what goes with beads.
+    """
+    for k, row in enumerate(text.split(b"\n")):
+        code = command_of(row)
+        known = selected_by(code) is not None or hot_end_command(code) or quiet.match(code)
+        if code and not known and classify(row).kind not in (Kind.NOTHING, *HELD):
+            return k, code[:40].decode("utf-8", "replace")
+    return None

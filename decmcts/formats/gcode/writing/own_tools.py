@@ -26,16 +26,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.dialects.dialect import Kind, classify
+from decmcts.formats.gcode.dialects.dialect import classify
 from decmcts.formats.gcode.document import Block, GcodeDocument, Motions, OwnStart
-from decmcts.formats.gcode.text.lines import command_of
+from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import (
+    HELD,
     OWN,
     hot_end_command,
+    said_in,
     said_to_hot_ends,
-    selected_by,
     told_to,
-)
+    unknown_row,
+)  # fmt: skip
+from decmcts.formats.gcode.writing.parts import without_blocks
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 
@@ -43,7 +46,6 @@ _QUIET = re.compile(
     rb"(?:G0*(?:[0-4]|1[01](?![^;]*[PL])|9[01])|M(?:400|8[23]|220))(?![0-9.])|G92 *E", re.I
 )  # moves, dwells, how coordinates count and how fast moves are meanwhile
 _FACTOR = re.compile(rb"M220(?![0-9.])", re.I)  # the speed's: what is in force, goes with beads
-_HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force goes with beads
 DIGITS = 5  # of filament, as many as files have
 MOST_MM = 2.0  # of filament that a change pushes or pulls in all; more is a purge, or a macro's
 PRIMES_MM = 0.01  # of filament; less is rounding
@@ -102,8 +104,8 @@ def _is_change(block: Block) -> bool:
 
 def _is_own(block: Block) -> bool:
     """Tell whether a block is a change of tools, or heats or cools hot ends for one."""
-    commands = list(filter(None, map(command_of, block.text.split(b"\n"))))
-    return _is_change(block) or (bool(commands) and all(hot_end_command(code) for code in commands))
+    commands = commands_of(block.text)
+    return _is_change(block) or (bool(commands) and all(map(hot_end_command, commands)))
 
 
 def _foreign(block: Block) -> str:
@@ -112,12 +114,9 @@ def _foreign(block: Block) -> str:
         return "a wipe tower is printed at changes of tools (--without-tower leaves it out)"
     if block.begin.relative_e != block.end.relative_e:
         return f"how E counts is another behind line {block.line}"
-    for k, row in enumerate(block.text.split(b"\n")):
-        code = command_of(row)
-        known = selected_by(code) is not None or hot_end_command(code) or _QUIET.match(code)
-        if code and not known and classify(row).kind not in (Kind.NOTHING, *_HELD):
-            text = code[:40].decode("utf-8", "replace")
-            return f"what '{text}' (line {block.line + k}) does at a change of tools is not known"
+    if found := unknown_row(block.text, _QUIET):
+        where, text = block.line + found[0], found[1]
+        return f"what '{text}' (line {where}) does at a change of tools is not known"
     return ""
 
 
@@ -131,9 +130,9 @@ def _left(block: Block, pushed: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Heat:
-    """How hot each tool is told to be from which epoch on, and when it prints."""
+    """How hot each tool is stated to be from which epoch on, and when it prints."""
 
-    told: dict[int, list[tuple[int, float | None]]]  # tool -> epoch and degrees, ascending
+    stated: dict[int, list[tuple[int, float | None]]]  # tool -> epoch and degrees, ascending
     prints: dict[int, list[int]]  # tool -> epochs, ascending
     touched: dict[int, set[int]]  # epoch -> tools that its block heats or cools
 
@@ -141,19 +140,18 @@ class _Heat:
     def of(job: PrintJob, document: GcodeDocument) -> _Heat:
         tools = np.unique(job.contours.tool).tolist()
         every = told_to(document, job) == "all"
-        told: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
+        stated: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
         touched = dict[int, set[int]]()
-        for epoch, selected, command in said_to_hot_ends(document):
-            named = selected if command.tool is None else command.tool
-            for tool in tools if every and command.tool is None else [named]:
-                told.setdefault(tool, []).append((epoch, command.degrees))
-                touched.setdefault(epoch, set()).add(tool)
+        for heard in said_to_hot_ends(document):
+            for tool in tools if every and not heard.named else [heard.tool]:
+                stated.setdefault(tool, []).append((heard.epoch, heard.command.degrees))
+                touched.setdefault(heard.epoch, set()).add(tool)
         pairs = {t: np.unique(job.contours.epoch[job.contours.tool == t]).tolist() for t in tools}
-        return _Heat(told, pairs, touched)
+        return _Heat(stated, pairs, touched)
 
     def at(self, tool: int, epoch: int) -> float | None:
         """Return how hot a tool is told to be where it prints; None: nothing is known."""
-        rows = self.told.get(tool, [])
+        rows = self.stated.get(tool, [])
         k = bisect_left(rows, epoch + 1, key=lambda row: row[0])
         return rows[k - 1][1] if k else None
 
@@ -185,18 +183,9 @@ def _without(
 
     `behind` has these by the contour behind each, `nets` what `_nets` has for contours behind any.
     """
-    contours, blocks = job.contours, document.blocks
-    stays = np.ones(int(contours.epoch.max()) + 1, np.bool_)
-    stays[0] = False
-    for k in left:
-        stays[blocks[k].epoch] = blocks[k].edge
-    anew = np.cumsum(stays).astype(np.int32)
-    gone = {blocks[k].epoch for k in left}
-    refills = tuple(int(anew[e]) for e in job.refills if e not in gone)
-    kept = [block for k, block in enumerate(blocks) if k not in left]
-    kept = [replace(block, epoch=int(anew[block.epoch])) for block in kept]
+    contours = job.contours
     own = tuple(_own_starts(job, document, behind))
-    notes = tuple(_renamed(job.notes, len(kept)))
+    notes = tuple(_renamed(job.notes, len(document.blocks) - len(left)))
     nets = {c: nets[c] for c in behind if c in nets}
     changed = {c: net for c, net in nets.items() if contours.tool[c] != contours.tool[c - 1]}
     primes = _primes(job, changed)
@@ -207,9 +196,9 @@ def _without(
         extra = primes.get(int(contours.tool[c]), 0.0) if c in changed else 0.0
         owed[c] = 0.0 if abs(pushed - extra) < 1e-9 else extra - pushed
     owed.setflags(write=False)
-    document = replace(document, blocks=tuple(kept), own_starts=own, owed=owed)
-    contours = replace(contours, epoch=anew[contours.epoch])
-    job = replace(job, contours=contours, refills=refills, notes=notes, practices=practices)
+    job, document = without_blocks(job, document, left)
+    document = replace(document, own_starts=own, owed=owed)
+    job = replace(job, notes=notes, practices=practices)
     return Freed(job, document, 0, 0)
 
 
@@ -233,7 +222,7 @@ def _own_starts(
 
 
 def _goes_with_beads(row: bytes) -> bool:
-    return classify(row).kind in _HELD or _FACTOR.match(command_of(row)) is not None
+    return classify(row).kind in HELD or _FACTOR.match(command_of(row)) is not None
 
 
 def _nets(job: PrintJob, moves: Motions, behind: Iterable[int]) -> dict[int, float]:
@@ -298,7 +287,7 @@ def _practices(
             degrees
             for k in left
             if own and (block := document.blocks[k]).begin.tool == tool and _is_change(block)
-            if (degrees := _last_told(block, tool)) is not None and degrees > 0.0
+            if (degrees := _last_stated(block, tool)) is not None and degrees > 0.0
         ]
         practice = Practice(
             round(deep.get(tool, 0.0), DIGITS), round(primes.get(tool, 0.0), DIGITS),
@@ -309,17 +298,11 @@ def _practices(
     return tuple(found)
 
 
-def _last_told(block: Block, tool: int) -> float | None:
+def _last_stated(block: Block, tool: int) -> float | None:
     """Return what a block last tells a tool's hot end, degrees; None: nothing."""
-    told, selected = None, block.begin.tool
-    for row in block.text.split(b"\n"):
-        command = command_of(row)
-        if (chosen := selected_by(command)) is not None:
-            selected = chosen
-        heat = hot_end_command(command)
-        if heat and tool == (selected if heat.tool is None else heat.tool):
-            told = heat.degrees
-    return told
+    commands = b"\n".join(commands_of(block.text))
+    heard = [each for each in said_in(commands, block.begin.tool) if each.tool == tool]
+    return heard[-1].command.degrees if heard else None
 
 
 def _renamed(notes: tuple[str, ...], places: int) -> list[str]:

@@ -2,31 +2,38 @@
 
 The preamble, the postamble and every block are the source's bytes; between
 them lines are written by an `Emitter` that keeps the machine state in step.
+
+Planners see chords. Where a traversal runs along all chords of an arc of the source, or along
+some from one of its ends or between two vertices, that is an arc again: the same circle,
+the other way round if reversed. What a seam's gap leaves of a chord is a straight line.
+
+M73 is counted anew from the plan's own times where the source has any; which of its words a
+source uses lives in `dialects.stated_times`.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import BinaryIO, NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import SPLIT_MARK
-from decmcts.formats.gcode.dialects.stated_times import without_progress
-from decmcts.formats.gcode.document import Block, GcodeDocument
+from decmcts.formats.gcode.dialects.stated_times import M73, WORD, without_progress
+from decmcts.formats.gcode.document import NO_ARC, Block, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.gcode.writing.arcs import arc_runs
 from decmcts.formats.gcode.writing.beads import Beads
 from decmcts.formats.gcode.writing.emitter import NEAR_MM, Emitter, Point
 from decmcts.formats.gcode.writing.own_header import with_header
-from decmcts.formats.gcode.writing.progress import Progress
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import traversal
-from decmcts.print.loops_kernels import Rotated
+from decmcts.print.loops_kernels import SLIVER_MM, Rotated
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import walls_for
 
@@ -59,17 +66,6 @@ def write_gcode(
         When a contour is missing or doubled, or `out` cannot be written.
     """
     _check_once(job, actions, document)
-    save_text(gcode_bytes(document, job, actions, header_lines=header_lines), out)
-
-
-def gcode_bytes(
-    document: GcodeDocument,
-    job: PrintJob,
-    actions: HeadActions,
-    *,
-    header_lines: Sequence[str] = (),
-) -> bytes:
-    """Return what `write_gcode` writes."""
     emitter = Emitter(document, job.settings, walls_for(job))
     beads = Beads.of(document, job)
     progress = Progress(document, actions)
@@ -101,7 +97,7 @@ def gcode_bytes(
     for rest in ([block] if block is not None else []) + list(blocks):
         emit_block(emitter, rest)
     _finish(emitter)
-    return emitter.text()
+    save_text(emitter.text(), out)
 
 
 def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) -> None:
@@ -200,7 +196,7 @@ def _lay(
     feed = way.feed[1:][::step].tolist()
     state = document.point_state[way.rows[1:]][::step].tolist()
     arcs = arc_runs(document, job.contours, way, is_reversed=is_reversed)
-    held, k, alike = -1, 0, _alike(feed, state)
+    held, k = -1, 0
     while k < len(feed):
         if state[k] != held:
             held = state[k]
@@ -212,23 +208,10 @@ def _lay(
         else:
             until = k + 1
             emitter.move(tuple(points[until]), feed[k], filament[k])
-            if not said and not arcs and alike[k] > until:
-                until = emitter.beads(points, filament, until, alike[k])
         for point in range(k + 1, until + 1) if said else ():
             if point in said:
                 emitter.say(said[point])
         k = until
-
-
-def _alike(feed: list[float], state: list[int]) -> list[int]:
-    """Return for each segment up to where those after it have its feed and state."""
-    if feed.count(feed[0]) == len(feed) and state.count(state[0]) == len(state):
-        return [len(feed)] * len(feed)
-    until = list(range(1, len(feed) + 1))
-    for k in range(len(feed) - 2, -1, -1):
-        if feed[k] == feed[k + 1] and state[k] == state[k + 1]:
-            until[k] = until[k + 1]
-    return until
 
 
 def _go(emitter: Emitter, path: list[NDArray[np.float64]], begin: Point) -> None:
@@ -269,3 +252,89 @@ def _finish(emitter: Emitter) -> None:
     emitter.set_e(end.e)
     emitter.set_feed(end.feed)
     emitter.verbatim(b"".join(without_progress(emitter.document.postamble)))
+
+
+class ArcRun(NamedTuple):
+    """Segments first..end - 1 of a traversal, in the order they are printed, that are one arc."""
+
+    end: int
+    centre: tuple[float, float]  # mm
+    clockwise: bool
+
+
+def arc_runs(
+    document: GcodeDocument, contours: Contours, way: Rotated, *, is_reversed: bool
+) -> dict[int, ArcRun]:
+    """Return the arcs of a traversal by their first segment.
+
+    `way` runs forwards; with `is_reversed` its segments are counted from its end.
+    """
+    if not len(document.arcs.centre):
+        return {}
+    rows = way.rows[1:]
+    arc = document.point_arc[rows]
+    if not (arc != NO_ARC).any():
+        return {}
+    whole = (np.abs(way.points[:-1] - contours.points[rows - 1]) < SLIVER_MM).all(axis=1)
+    whole &= (np.abs(way.points[1:] - contours.points[rows]) < SLIVER_MM).all(axis=1)
+    arc = np.where(whole, arc, NO_ARC)
+    parted = (np.diff(arc) != 0) | (np.diff(rows) != 1)
+    begins = np.concatenate([[0], np.flatnonzero(parted) + 1])
+    ends = np.append(begins[1:], len(rows))
+    runs: dict[int, ArcRun] = {}
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        number = int(arc[begin])
+        if number == NO_ARC or not _stands_alone(document, number, rows[begin], rows[end - 1]):
+            continue
+        first, last = (len(rows) - end, len(rows) - begin) if is_reversed else (begin, end)
+        x, y = document.arcs.centre[number].tolist()
+        runs[first] = ArcRun(last, (x, y), bool(document.arcs.clockwise[number]) != is_reversed)
+    return runs
+
+
+def _stands_alone(document: GcodeDocument, arc: int, first: int, last: int) -> bool:
+    """Tell whether an arc from row `first` to row `last` reads back as these chords."""
+    inside = document.point_arc[[first - 1, min(last + 1, len(document.point_arc) - 1)]] == arc
+    inside[1] &= last + 1 < len(document.point_arc)
+    return bool(document.arcs.partible[arc]) or not inside.any()
+
+
+class Progress:
+    """Writes M73 anew from the plan's own times, where the source had any."""
+
+    def __init__(self, document: GcodeDocument, actions: HeadActions) -> None:
+        self._begin = actions.begin_s
+        self._total = float(actions.end_s.max(initial=0.0))
+        self._words = document.habits.progress
+        self._silent = document.habits.silent_share
+        self._shown = -1
+
+    def tell(self, emitter: Emitter, action: int) -> None:
+        """Write the progress at the beginning of an action if it changed."""
+        if self._total <= 0.0 or not self._words:
+            return
+        percent = int(100.0 * self._begin[action] / self._total)
+        if percent != self._shown:
+            left = self._total - float(self._begin[action])
+            for words in ("PR", "QS"):
+                if set(words) & set(self._words):
+                    emitter.say(f"M73 {self._said(words, percent, left)}")
+            self._shown = percent
+
+    def _said(self, words: str, percent: float, left_s: float) -> str:
+        """Return the parameters of one mode, of those the source has."""
+        share = self._silent if words == "QS" else 1.0
+        values = (f"{percent:.0f}", f"{left_s * share / 60.0:.0f}")
+        return " ".join(f"{w}{v}" for w, v in zip(words, values, strict=True) if w in self._words)
+
+    def above(self, preamble: bytes) -> bytes:
+        """Return the start G-code with what its M73 say counted anew."""
+
+        def count(match: re.Match[bytes]) -> bytes:
+            left = self._total / 60.0 * (self._silent if match[1] in b"Ss" else 1.0)
+            return match[1] + (b"0" if match[1] in b"PpQq" else f"{left:.0f}".encode())
+
+        return b"".join(
+            line if M73.match(line) is None else WORD.sub(count, line)
+            for line in without_progress(preamble, keep=(b"P", b"R", b"Q", b"S"))
+        )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from decmcts.formats.gcode.dialects.dialect import Kind, classify
-from decmcts.formats.gcode.dialects.roles import role_of
+from decmcts.formats.gcode.dialects.dialect import Kind, classify, role_of
 from decmcts.print.contours import Role
 
 

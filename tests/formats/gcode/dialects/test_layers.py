@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import read_gcode, same_extrusions, write_gcode
-from decmcts.formats.gcode.dialects.layers import layer_words, with_note
+from decmcts.formats.gcode.dialects.dialect import layer_words, with_note
 from decmcts.print.toolpath import Toolpath
 from tests.direct_actions import direct_actions
 

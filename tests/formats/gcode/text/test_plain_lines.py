@@ -8,12 +8,12 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, write_gcode
-from decmcts.formats.gcode.text.plain_lines import (
+from decmcts.formats.gcode.text.source_text import (
     first_number,
+    load_text,
     refuse_lone_returns,
     without_numbers,
 )
-from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.planning.problem.source import machine_for
 from decmcts.print.contours import Role
 from decmcts.print.toolpath import Toolpath

@@ -21,6 +21,7 @@ from decmcts.samples import sample_path
 from decmcts.team.engine.space import build_space
 from decmcts.team.schedule.joint_plan import schedule
 from tests.formats.gcode.writing.test_head_files import PARKS, TEXT, head_of
+from tests.makers.parked import parked
 
 WORD = re.compile(r"([XYZEF])(-?[\d.]+)")
 END = "M104 S0\nM140 S0\nM84\n"
@@ -133,9 +134,9 @@ def check(files: list[str], plan: JointPlan, job, seed: int) -> None:
 
 def written(document, job, plan: JointPlan, parks) -> list[str]:
     out = []
-    for h, park in enumerate(parks):
+    for h in range(len(parks)):
         stream = io.StringIO()
-        write_head_gcode(document, job, plan, h, stream, park=park)
+        write_head_gcode(document, job, plan, h, stream, machine=parked(plan, parks))
         out.append(stream.getvalue())
     return out
 

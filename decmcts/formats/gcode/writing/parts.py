@@ -1,12 +1,13 @@
-"""Stretches of a source's contours as a source of their own: what is left of a print.
+"""A source whose contours are cut into pieces, or of which only a part is left.
 
 The text of contours that are printed goes; start code, end code and the blocks between stay.
-Which stretches those are is decided in `decmcts.planning.replanning`.
+Which stretches are left is decided in `decmcts.planning.replanning`, where contours are cut in
+`decmcts.team.cutting`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,3 +79,59 @@ def with_stretches(
         owed=np.where(begins, document.owed[of], 0.0),
     )
     return replace(job, contours=contours, acceleration=rate), text
+
+
+def cut_document(
+    document: GcodeDocument, pieces: Contours, row: NDArray[np.int64]
+) -> GcodeDocument:
+    """Return the document of pieces.
+
+    Parameters
+    ----------
+    pieces : Contours
+        Of a cut print, with `of` and `along`.
+    row : (n_points,)
+        Point of the source at the end of the segment that each segment is a part of.
+    """
+    begins = pieces.offsets[:-1]
+    hops = pieces.extrusion == 0.0
+    arc = document.point_arc[row]
+    arc[hops] = NO_ARC  # so is the first point of each piece
+    owed = document.owed[pieces.sources]
+    if pieces.along is not None:
+        owed[pieces.along[begins] > 0.0] = 0.0
+    return replace(document, point_state=document.point_state[row], owed=owed, point_arc=arc)
+
+
+def uncut_segments(document: GcodeDocument) -> NDArray[np.bool_]:
+    """Tell which segments may be cut at their ends alone, (n_points,): chords of arcs."""
+    return np.asarray(document.point_arc != NO_ARC)
+
+
+def has_stiff_arc(document: GcodeDocument, contours: Contours) -> NDArray[np.bool_]:
+    """Tell which contours have an arc that does not read back as the same chords once cut, (n,)."""
+    arcs = document.point_arc
+    stiff = arcs != NO_ARC
+    stiff[stiff] = ~document.arcs.partible[arcs[stiff]]
+    return np.asarray(np.logical_or.reduceat(stiff, contours.offsets[:-1]))
+
+
+def without_blocks(
+    job: PrintJob, document: GcodeDocument, left: Collection[int]
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return a source without some of its blocks, which are no walls then, nor is their text there.
+
+    An epoch that begins at one of them for another reason too stays one.
+    """
+    last = max(int(job.contours.epoch.max(initial=0)), *(b.epoch for b in document.blocks), 0)
+    stays = np.ones(last + 1, np.bool_)
+    stays[0] = False
+    for k in left:
+        stays[document.blocks[k].epoch] = document.blocks[k].edge
+    anew = np.cumsum(stays).astype(np.int32)
+    gone = {document.blocks[k].epoch for k in left}
+    kept = [block for k, block in enumerate(document.blocks) if k not in left]
+    blocks = tuple(replace(block, epoch=int(anew[block.epoch])) for block in kept)
+    refills = tuple(int(anew[epoch]) for epoch in job.refills if epoch not in gone)
+    contours = replace(job.contours, epoch=anew[job.contours.epoch])
+    return replace(job, contours=contours, refills=refills), replace(document, blocks=blocks)

@@ -11,7 +11,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.document import Block
-from decmcts.formats.gcode.writing.stretches import Stretch, contours_of, with_stretches
+from decmcts.formats.gcode.writing.parts import Stretch, contours_of, with_stretches
 from decmcts.print.contours import Contours, joined, taken
 from sim.experiments.made_print import made_gcode
 

@@ -1,0 +1,86 @@
+"""The lines that turn one machine state into another; nothing here moves.
+
+A layer may be entered many times. What belongs around its first move is written once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from decmcts.formats.gcode.dialects.dialect import LayerWords, layer_words
+from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, GcodeDocument
+
+
+class StateLines:
+    """Keeps the state in force, and writes by `say` what sets another."""
+
+    def __init__(self, document: GcodeDocument, say: Callable[[str], None]) -> None:
+        self._table, self._say = document.states, say
+        slots = document.states.slots
+        self._heard = [k for k, slot in enumerate(slots) if not slot.startswith(SILENT)]
+        self._ahead = [k for k in self._heard if slots[k] in BEFORE_TRAVEL]
+        self._ranks = [_rank(slot) for slot in slots]
+        self._rows: dict[int, list[int]] = {}  # of states
+        self._stated: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
+        self._arrival: tuple[str, ...] = ()  # to be written when the head is there
+
+    def take(self, state: int) -> None:
+        """Take a state over from verbatim lines."""
+        self._row = self._table.rows[state].tolist()
+        self._due_once(layer_words(self._table.text(state, "layer")))
+
+    def set(self, state: int, *, before_travel: bool) -> None:
+        """Write what sets a state; with `before_travel` only the labels a travel belongs to."""
+        table = self._table
+        target = self._rows.get(state)
+        if target is None:
+            target = self._rows[state] = table.rows[state].tolist()
+        if not before_travel:
+            self._arrive()
+        if target == self._row:
+            return
+        due = self._ahead if before_travel else self._heard
+        changed = [k for k in due if self._row[k] != target[k]]
+        for k in changed:
+            if text := table.leave[self._row[k]]:
+                self._write(text.split("\n"))
+        changed.sort(key=self._ranks.__getitem__)
+        for k in changed:
+            if table.slots[k] == "layer":
+                self._enter(table.values[self._row[k]], table.values[target[k]])
+            elif text := table.values[target[k]]:
+                self._write(text.split("\n"))
+            self._row[k] = target[k]
+        if not before_travel:
+            self._arrive()
+
+    def _enter(self, held: str, text: str) -> None:
+        """Write what begins a layer, and keep what belongs to its first move until that is made."""
+        words, had = layer_words(text), layer_words(held).always
+        grown = bool(had) and words.always[: len(had)] == had  # the same one, said in part
+        self._write(words.always[len(had) if grown else 0 :])
+        before, self._arrival = self._due_once(words)
+        self._write(before)
+
+    def _due_once(self, words: LayerWords) -> tuple[tuple[str, ...], ...]:
+        """Return what is due around the first move of a layer, and take it as written."""
+        layer, parts = words.always[:2], (words.before, words.after)
+        due = tuple(() if (layer, lines) in self._stated else lines for lines in parts)
+        self._stated.update((layer, lines) for lines in parts)
+        return due
+
+    def _arrive(self) -> None:
+        """Write what follows the first move of a layer."""
+        self._write(self._arrival)
+        self._arrival = ()
+
+    def _write(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self._say(line)
+
+
+def _rank(slot: str) -> int:
+    for rank, group in enumerate((BEFORE_TRAVEL, BEAD)):
+        if slot in group:
+            return 10 * rank + group.index(slot)
+    return 100
