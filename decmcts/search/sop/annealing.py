@@ -80,8 +80,6 @@ class Annealer:
     bare: Bare
     shares: Shares
     state: NDArray[np.uint64]  # (1,)
-    first: int = 0  # position; what lies between it and `last` is annealed
-    last: int = -1
     cost: float = np.inf
     best: float = np.inf  # least cost seen where the temperature changes
     length: int = 0  # proposals of the present annealing, 0: as many as the budget allows
@@ -90,9 +88,6 @@ class Annealer:
     _found: NDArray[np.int32] | None = None  # the best, since it was last offered
     _quota: int = 0  # of the slice before
     _spent: float = np.inf  # budget spent when it began
-
-    def __post_init__(self) -> None:
-        self.last = len(self.bare.order) - 1
 
     def work(self, quota: int, spent: float) -> int:
         """Make `quota` proposals, in as many annealings as that takes."""
@@ -119,18 +114,17 @@ class Annealer:
         step = most
         if self.length:
             step = min(most, max(self.length // _STEPS, 1), self.length - self.done)
-        self.cost += anneal_bare(
-            self.bare, self.shares, self.state, temperature, step, self.first, self.last
-        )
+        last = len(self.bare.order) - 1
+        self.cost += anneal_bare(self.bare, self.shares, self.state, temperature, step, 0, last)
         self.done += step
         if self.cost < self.best:
             self.best, self._found = self.cost, self.bare.order.copy()
         return step
 
-    def take(self, order: NDArray[np.int32], cost: float, *, at: int = 0) -> None:
-        """Go on from another sequence, or with its nodes from position `at` on."""
-        self.bare.order[at : at + len(order)] = order
-        self.bare.position[order] = np.arange(at, at + len(order))
+    def take(self, order: NDArray[np.int32], cost: float) -> None:
+        """Go on from another sequence."""
+        self.bare.order[:] = order
+        self.bare.position[order] = np.arange(len(order))
         self.cost = cost
 
     def begin(self, incumbent: Incumbent, first: int) -> None:

@@ -24,6 +24,7 @@ from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
 from decmcts.search.sop.elites import LEAST, EliteAnnealer
+from decmcts.search.sop.joint import JointAnnealing, JointThread
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.windows import WindowAnnealer
 
@@ -52,6 +53,7 @@ class Parts:
     luby: bool = True  # else annealing by elites alone, where costs are no distances
     hand_over: bool = True  # else beams keep their thread
     windows: bool = True  # else the last annealing is as long as the time allows
+    joint: bool = True  # else large problems are searched like small ones
     shares: Shares = SHARES  # kinds of proposals
 
 
@@ -170,7 +172,15 @@ class TurnsThread:
             annealer.meet(incumbent)
 
 
-SopThread = BeamThread | LubyAnnealer | EliteAnnealer | TurnsThread | WindowAnnealer | TreeThread
+SopThread = (
+    BeamThread
+    | LubyAnnealer
+    | EliteAnnealer
+    | TurnsThread
+    | WindowAnnealer
+    | JointThread
+    | TreeThread
+)
 
 
 @dataclass(slots=True)
@@ -189,11 +199,7 @@ class TwoThreads:
         """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
         incumbent, pace = self.incumbent, _Pace.of(self.incumbent)
         changes, bound = list(_CHANGES), self.assignment.bound
-        branches = self.parts.tree and len(incumbent.problem) <= _LARGEST_TREE
-        threads: list[SopThread] = [
-            self._beams() if self.parts.beams else self._annealer(1),
-            self._tree() if branches else self._annealer(0),
-        ]
+        threads = self._first_threads()
         with ThreadPoolExecutor(len(threads)) as pool:
             while True:
                 incumbent.tick(pace.slice(pool, threads, incumbent))
@@ -209,6 +215,28 @@ class TwoThreads:
                     threads = self._handed_over(threads, lead, cost_above=(1.0 + gap) * bound)
                 if self.parts.windows:
                     threads = [self._in_windows(thread) for thread in threads]
+
+    def _first_threads(self) -> list[SopThread]:
+        """Return both threads: one long annealing of large problems, else beams and a tree."""
+        large = len(self.costs) > _LARGEST_TREE
+        if large and self.parts.joint and self.steps.are_distances:
+            joint = JointAnnealing.of(
+                self.steps.bare(self.costs, self.incumbent.problem.graph), self.parts.shares,
+                scale=self.steps.scale, seed=2 * self.seed, incumbent=self.incumbent,
+            )  # fmt: skip
+            return [joint.thread(2 * self.seed), joint.thread(2 * self.seed + 1)]
+        return [
+            self._beams() if self.parts.beams else self._annealer(1),
+            self._annealer(0) if large or not self.parts.tree else self._tree(),
+        ]
+
+    @property
+    def steps(self) -> NearSteps:
+        """Return the near nodes and what temperatures go by, found when first asked for."""
+        if self._steps is None:
+            reduced, possible = self.assignment.reduced, self.precedence.possible
+            self._steps = NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
+        return self._steps
 
     @property
     def costs(self) -> NDArray[np.float64]:
@@ -282,10 +310,7 @@ class TwoThreads:
 
         Where costs are no distances it goes by elites, and thread 0 by both.
         """
-        if self._steps is None:
-            reduced, possible = self.assignment.reduced, self.precedence.possible
-            self._steps = NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
-        steps, long, state = self._steps, number > 0, seeded(2 * self.seed + number)
+        steps, long, state = self.steps, number > 0, seeded(2 * self.seed + number)
         shares, graph = self.parts.shares, self.incumbent.problem.graph
 
         def luby(last_share: float) -> LubyAnnealer:
