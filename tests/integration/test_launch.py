@@ -372,7 +372,8 @@ def test_a_waiting_agent_whose_pipe_closes_ends_in_silence(
     """After loading it waits for its problem; the launcher may end by then without one."""
     with waiting_agent(monkeypatch) as agent:
         out, err = agent.communicate(timeout=30)
-    assert (agent.returncode, out, err) == (0, b"", b"")
+    assert (agent.returncode, err) == (0, b"")
+    assert set(out.splitlines()) <= {b'{"event": "pulse"}'}  # of one that loads slowly
 
 
 def test_a_waiting_agent_that_is_handed_something_else_says_so(

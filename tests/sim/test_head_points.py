@@ -186,9 +186,12 @@ def test_a_wait_for_an_end_is_none_for_a_point(tmp_path: Path) -> None:
 
 def test_controllers_that_meet_at_rest_get_no_such_files(made: Made) -> None:
     """On them the command would do nothing, or something else."""
+    machine = replace(two_heads(made), release="action")
     for head in (0, 1):
         with pytest.raises(InputError, match="in motion, and the machine's controllers only"):
-            write_head_gcode(made.document, made.job, made.plan, head, io.StringIO())
+            write_head_gcode(
+                made.document, made.job, made.plan, head, io.StringIO(), machine=machine
+            )
     made.release = "action"
     assert (
         sum("which the machine's controllers cannot" in f.text for f in made.judged().faults) == 4
