@@ -31,6 +31,7 @@ from agents.networks.transport import NoNetwork, Traffic, Transport
 from agents.planners.planner import Planner
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
+from decmcts.leaving import leave
 
 LINGER_S = 10.0
 """An agent without a launcher answers stragglers so long after its release."""
@@ -269,4 +270,4 @@ def _failed(error: Exception) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

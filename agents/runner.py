@@ -38,6 +38,7 @@ from agents.running.report import KIND, Reached, unpack_report
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 from decmcts.formats.plans.plan_json import read_plan
+from decmcts.leaving import leave
 
 POLL_S = 0.002
 AHEAD_S = 5.0  # nominal seconds released ahead,
@@ -246,4 +247,4 @@ def _transport(given: argparse.Namespace, front: PipeFront) -> Transport:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -8,14 +8,11 @@ went; `signals` stop it. `script_line` and `optional_files` are for slicers that
 
 from __future__ import annotations
 
-import atexit
 import gc
-import os
 import sys
-import threading
-from typing import NoReturn
 
 from decmcts.cli import signals, streams
+from decmcts.leaving import leave
 
 __all__ = ["main"]
 
@@ -36,18 +33,4 @@ def main() -> None:
         code = signals.exit_code()
     signals.ignore_signals()  # what is done is done: nothing changes the exit code any more
     gc.freeze()  # at exit there is nothing to look through: half a second saved
-    sys.stdout.flush()
-    if any(thread.daemon for thread in threading.enumerate()):
-        _leave(code)
-    sys.exit(code)
-
-
-def _leave(code: int) -> NoReturn:
-    """End the process while threads are at work that nobody waits for any more.
-
-    A solver in one of them (the bound's) may otherwise end the process by `std::terminate` once
-    its library is taken down, whatever the exit code.
-    """
-    atexit._run_exitfuncs()  # temporary folders go; there is no public name for it
-    sys.stderr.flush()
-    os._exit(code)
+    leave(code)

@@ -11,6 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from agents.extruder import main
+from decmcts.leaving import leave
 from tests.agents.toy import ToyPlanner
 
 
@@ -23,7 +24,7 @@ if __name__ == "__main__":
     signal.signal(signal.SIGUSR1, get_stuck)
     names = os.environ["TOY_HEADS"].split(",")
     odd = os.environ.get("TOY_ODD_HEAD", "")  # this head holds another problem
-    sys.exit(
+    leave(
         main(
             make_planner=lambda given: ToyPlanner(
                 given.head,
