@@ -83,7 +83,7 @@ REPAIR_S = 1800.0  # after which a person who repairs has done so
 LOSS, DELAY_S = 0.2, 0.5
 ROWS_MM = (100.0, 145.0)
 SLAB_MM = (200.0, 60.0, 0.8)
-PRINTS = "towers:2,slab,towers:3,towers:4,plate"
+PRINTS = "towers:2,slab,towers:3,part:3,towers:4,plate"
 
 
 @cache
@@ -333,7 +333,8 @@ zenoh between agents. While the rest is planned the print's clock runs as the wo
 ÷ clairvoyant and ÷ waiting are of complete prints. Until heads go on: from the failure's last word
 to the first action of the new plan; meanwhile living heads carry out what every plan contains.
 Prints that are not complete end with a line for what is missing: a bead of which nobody knows how
-far it came, or what no living head can print.
+far it came, or what no living head can print. Where a person said at which point of a bead a head
+had stopped, some mm are missing or twice: this benchmark's person reads it off the plan's times.
 
 {failures}
 ## Over lossy networks
