@@ -15,11 +15,12 @@ def narrow_note(job: PrintJob, machine: Machine) -> str | None:
     """Return the line to say where a print turned by 90 degrees could be shared by more.
 
     Two heads that keep L mm apart along a rail can print 2 (B - L) / B of an even part of width B
-    at once, at most all of it. Skirts do not count.
+    at once, at most all of it. Skirts do not count. The rest of a print that stands on the bed
+    already cannot be turned.
     """
     contours = job.contours
     mine = np.repeat(contours.role != Role.SKIRT_BRIM, np.diff(contours.offsets))
-    if not machine.rails or not mine.any():
+    if not machine.rails or job.printed is not None or not mine.any():
         return None
     rail = max(machine.rails, key=lambda rail: rail.separation_mm)
     apart = rail.separation_mm

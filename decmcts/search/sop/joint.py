@@ -35,7 +35,7 @@ class JointAnnealing:
     state: NDArray[np.uint64]  # (1,) draws the cuts
     began: float  # budget spent when it began
     cost: float
-    _sides: list[JointThread] = field(default_factory=list)
+    sides: list[JointThread] = field(default_factory=list)  # both threads
     _best: float = np.inf
 
     @staticmethod
@@ -45,18 +45,15 @@ class JointAnnealing:
         """Go on from the incumbent, until the budget is spent."""
         bare.order[:] = incumbent.order
         bare.position[bare.order] = np.arange(len(bare.order))
-        return JointAnnealing(
+        joint = JointAnnealing(
             bare=bare, shares=shares, scale=scale, state=seeded(seed), began=incumbent.spent,
             cost=incumbent.cost,
         )  # fmt: skip
-
-    def thread(self, seed: int) -> JointThread:
-        """Return a thread that takes part from now on; two at most."""
-        bare = self.bare._replace(scratch=np.empty_like(self.bare.scratch))
-        made = JointThread(self, bare, seeded(seed))
-        self._sides.append(made)
-        self._cut()
-        return made
+        for number in (0, 1):
+            own = bare._replace(scratch=np.empty_like(bare.scratch))
+            joint.sides.append(JointThread(joint, own, seeded(seed + number)))
+        joint._cut()
+        return joint
 
     def temperature(self, spent: float) -> float:
         """Return the temperature at a share of the budget."""
@@ -70,8 +67,8 @@ class JointAnnealing:
 
     def meet(self, incumbent: Incumbent) -> None:
         """Add up what the threads have changed, offer it if it is the best, and cut anew."""
-        self.cost += sum(side.change for side in self._sides)
-        for side in self._sides:
+        self.cost += sum(side.change for side in self.sides)
+        for side in self.sides:
             side.change = 0.0
         if self.cost < self._best:
             self._best = self.cost
@@ -79,13 +76,10 @@ class JointAnnealing:
         self._cut()
 
     def _cut(self) -> None:
-        """Draw where the threads meet, in the middle half; one thread alone has all."""
-        last = len(self.bare.order) - 1
-        cuts = [0, last]
-        if len(self._sides) == 2:
-            cuts.insert(1, last // 4 + int(below(self.state, last // 2 + 1)))
-        for side, first, end in zip(self._sides, cuts[:-1], cuts[1:], strict=True):
-            side.first, side.last = first, end
+        """Draw where the threads meet, in the middle half."""
+        last, (before, behind) = len(self.bare.order) - 1, self.sides
+        cut = last // 4 + int(below(self.state, last // 2 + 1))
+        before.first, before.last, behind.first, behind.last = 0, cut, cut, last
 
 
 @dataclass(slots=True)
@@ -119,5 +113,5 @@ class JointThread:
 
     def meet(self, incumbent: Incumbent) -> None:
         """Let the annealing meet once all of its threads have worked."""
-        if self is self.joint._sides[-1]:
+        if self is self.joint.sides[-1]:
             self.joint.meet(incumbent)

@@ -224,7 +224,7 @@ class TwoThreads:
                 self.steps.bare(self.costs, self.incumbent.problem.graph), self.parts.shares,
                 scale=self.steps.scale, seed=2 * self.seed, incumbent=self.incumbent,
             )  # fmt: skip
-            return [joint.thread(2 * self.seed), joint.thread(2 * self.seed + 1)]
+            return list(joint.sides)
         return [
             self._beams() if self.parts.beams else self._annealer(1),
             self._annealer(0) if large or not self.parts.tree else self._tree(),

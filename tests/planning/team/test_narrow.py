@@ -30,3 +30,4 @@ def test_a_long_print_across_the_rail_is_better_turned(tmp_path: Path) -> None:
     told = narrow_note(turned, machine)
     assert told is not None and "along y: turned by 90°" in told
     assert narrow_note(turned, load_machine("mk4")) is None
+    assert narrow_note(replace(turned, printed=turned.contours), machine) is None

@@ -31,7 +31,7 @@ def test_costs_and_precedence_hold_while_both_threads_work() -> None:
     joint = JointAnnealing.of(
         steps.bare(costs, graph), SHARES, scale=steps.scale, seed=1, incumbent=incumbent
     )
-    sides = [joint.thread(1), joint.thread(2)]
+    sides = joint.sides
     order, pairs = joint.bare.order, precedence.pairs
     with ThreadPoolExecutor(2) as pool:
         for slice_ in range(40):  # windows from the 28th on

@@ -247,7 +247,7 @@ class _HeadFile:
         that waits for others before it goes on with the same bead: nobody knows for how long.
         """
         ahead = self.kinds[k : k + 2]
-        waits = ahead[:1] == [_PRINT] and (self.waits.head, k) in self.waits.points.waits
+        waits = ahead[:1] == [_PRINT] and self.waits.any_before(k)
         if waits or ahead[:1] == [_WAIT] or ahead == [_TRAVEL, _WAIT]:
             self.emitter.retract()
         if ahead[:1] in ([_TRAVEL], [_PARK]):

@@ -138,6 +138,10 @@ class HeadWaits:
         """Wait for a number; the moves above run out by themselves."""
         self.emitter.say(self._line(self.words.wait, number))
 
+    def any_before(self, action: int) -> bool:
+        """Tell whether an action waits for another head."""
+        return (self.head, action) in self.points.waits
+
     def take_turn(self) -> None:
         """Signal that this head is parked, and wait until all are."""
         heads = len(self.points.done)
