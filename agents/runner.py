@@ -10,7 +10,6 @@ takes it off the network, for trials.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import queue
@@ -26,7 +25,7 @@ import numpy as np
 
 from agents.launching.places import remove_left
 from agents.launching.processes import PREFIX
-from agents.loop.pipes import PipeFront
+from agents.loop.pipes import PipeFront, any_command
 from agents.networks.lossy import LossyTransport
 from agents.networks.memory import Weather
 from agents.networks.transport import NoNetwork, Packet, Transport
@@ -182,15 +181,6 @@ def digest_of_held(carrier: Carrier, ready: Ready) -> str:
     return ready.digest if plan is None else plan.digest
 
 
-def parse(line: bytes) -> dict[str, Any] | None:
-    """Return a command of the launcher; None for anything else."""
-    try:
-        found = json.loads(line)
-    except ValueError:
-        return None
-    return found if isinstance(found, dict) else None
-
-
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of what the launcher hands over."""
     parser = argparse.ArgumentParser(prog="decmcts run-time agent")
@@ -207,7 +197,7 @@ def arguments() -> argparse.ArgumentParser:
 
 def main() -> int:
     """Run one agent; return its exit code."""
-    front = PipeFront(parse=parse)
+    front = PipeFront(parse=any_command)
     front.sweep = lambda: remove_left(front.meeting)
     front.watch()
     front.beat()

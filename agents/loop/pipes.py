@@ -226,6 +226,15 @@ def parse_arguments(line: bytes) -> tuple[list[str] | None, Meeting | None]:
     return None, None
 
 
+def any_command(line: bytes) -> dict[str, Any] | None:
+    """Return a line as it is, a mapping; None for anything else."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) else None
+
+
 def parse_command(line: bytes) -> Event | Meet | None:
     """Return the event a command line stands for, None for anything else."""
     try:

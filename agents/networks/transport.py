@@ -6,6 +6,7 @@ encoding is `agents.messages.codec`'s, reactions are `agents.agreeing.protocol`'
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -88,7 +89,8 @@ class NoNetwork:
         """Speak to nobody."""
 
     def receive(self, timeout_s: float) -> list[Arrival]:
-        """Hear nothing, at once."""
+        """Hear nothing for so long."""
+        time.sleep(timeout_s)
         return []
 
     def move(self, places: Sequence[str]) -> None:

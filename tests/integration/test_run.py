@@ -38,12 +38,15 @@ Pids = Mapping[str, tuple[int, int]]
 class Trial:
     """A run in which something happens at a time of the print."""
 
-    def __init__(self, happens: Callable[[Trial, int, int], None], at_s: float = FAILS_S) -> None:
+    def __init__(
+        self, happens: Callable[[Trial, int, int], None], at_s: float = FAILS_S,
+        head: str = "right",
+    ) -> None:  # fmt: skip
         self.asked: queue.Queue[str | None] = queue.Queue()
         self.notes: list[str] = []
         self.failed = threading.Event()
         self.launcher: Launcher | None = None
-        self._happens, self._at_s = happens, at_s
+        self._happens, self._at_s, self._head = happens, at_s, head
         self._over = threading.Event()
 
     def run(self, made: Made, options: RunOptions) -> RunResult:
@@ -71,7 +74,7 @@ class Trial:
     def _start(self, pids: Pids) -> None:
         def work() -> None:
             self.until(self._at_s)
-            self._happens(self, *pids["right"])
+            self._happens(self, *pids[self._head])
             self.asked.put(None)
 
         threading.Thread(target=work, daemon=True).start()
@@ -117,15 +120,16 @@ FAULTS: dict[str, Callable[[Trial, int, int], None]] = {
 LONG = ("agent hangs", "bus lost")  # noticed as a killed agent is, but later
 
 
+@pytest.mark.parametrize("head", ["right", pytest.param("left", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "fault", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in FAULTS]
 )
-def test_the_rest_is_printed_by_the_others(made: Made, fault: str) -> None:
+def test_the_rest_is_printed_by_the_others(made: Made, fault: str, head: str) -> None:
     """The controller lives: it says that it is off and goes to its park, and all is finished."""
     at_s = 25.0 if fault == "bus lost" else FAILS_S  # that takes 3 s of the world to notice
-    result = Trial(FAULTS[fault], at_s).run(made, RunOptions(SPEED, replan_s=0.5))
+    result = Trial(FAULTS[fault], at_s, head).run(made, RunOptions(SPEED, replan_s=0.5))
     (failure,) = result.failures
-    assert failure.head == "right"
+    assert failure.head == head
     assert sum(carried.is_print for carried in result.plans) in (1, 2)  # it may have been done
     assert_printed(made, result)
     if len(result.plans) > 1:

@@ -4,7 +4,7 @@
 |---|---|---|
 | the head | its controller says `failed` | fenced there; it goes to its park |
 | its agent | its process ends, or is silent | its controller ends its action, then says `failed` |
-| its bus | the others do not hear it | its agent has it stop: its controller says `failed` |
+| its bus | the others do not hear it, or, of two, a witness does not | its agent has it stop: its controller says `failed` |
 | its controller | silent, or ended | lost, until a person says where it stands |
 
 A head that fails is *lost* until it is *fenced*: by its controller's word, or a person's. Only then
@@ -16,6 +16,7 @@ is: its processes are ended.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
@@ -26,6 +27,8 @@ from decmcts.planning.running.renewing import Renewal
 from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
 
+SETTLES_S = 3.0 * SILENT_S  # until others hear the agent that is started in its place
+PATIENCE = 3  # times that they may find to one another
 AGENT, BUS = "its agent was lost", "it lost the bus"
 PERSON = (
     "say `fenced {name} X,Y,Z` once it is sure to be off, or `fenced {name} park X,Y,Z` if you "
@@ -39,6 +42,8 @@ class Failing:
 
     team: Team
     renewal: Renewal
+    _settled_at: float = -math.inf  # when a head was last found to have lost its bus
+    _spoke: int = 0  # times a witness heard all of those that do not hear one another
 
     def find(self) -> None:
         """Take in which processes are gone, of heads that work and of those that park."""
@@ -72,17 +77,43 @@ class Failing:
 
     def _settle_missing(self) -> None:
         """Have a head stop that the others do not hear although its process lives: its bus is."""
-        now, living, heads = time.monotonic(), self.team.living(), self.team.heads
-        count = dict.fromkeys(living, 0)
-        for h in living:
+        now, heads = time.monotonic(), self.team.heads
+        if now < self._settled_at + SETTLES_S:
+            return
+        count = dict.fromkeys(self.team.listening(), 0)
+        for h in count:
             for other in heads[h].missing:
                 if other in count and now - heads[other].pulse_at < SILENT_S / 2.0:
                     count[h], count[other] = count[h] + 1, count[other] + 1
-        worst = max(living, key=lambda h: (count[h], h), default=None)
-        if worst is not None and count[worst]:
+        most = max(count.values(), default=0)
+        worst = self._deaf([h for h in count if count[h] == most]) if most else None
+        if worst is None:
+            return
+        self._settled_at = now
+        if heads[worst].parks:
+            self._fail_to_park(worst)
+        else:
             self.team.tell(worst, command="abort", why=BUS)
-            for h in living:
-                heads[h].missing = ()
+
+    def _deaf(self, suspected: list[int]) -> int | None:
+        """Return which of these heads has lost its bus; None: that is not known yet, or none has.
+
+        Two heads that do not hear one another are equally suspected. So a witness listens.
+        """
+        witness = self.team.witness
+        if len(suspected) == 1 or witness is None:
+            return suspected[-1]
+        if not witness.is_asked:
+            witness.ask()
+        if witness.is_listening:
+            return None
+        silent = [h for h in suspected if h not in witness.heard]
+        self._spoke = 0 if silent else self._spoke + 1
+        witness.is_asked = False
+        if silent or self._spoke > PATIENCE:
+            self._spoke = 0
+            return (silent or suspected)[-1]
+        return None
 
     def fail(self, h: int, why: str) -> None:
         """Note that a head prints no more; it may still move."""

@@ -22,6 +22,7 @@ from agents.launching.spawn import SECRET_BYTES
 from agents.networks.meeting import Meeting
 from agents.running.heads import HeadProcesses, Recorded
 from agents.running.port import Ready
+from agents.running.witnessing import WITNESS, WitnessProcess
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, unheard
 from decmcts.planning.problem.source import Source
@@ -73,7 +74,7 @@ class Launcher:
     def run(self) -> None:
         """Carry the plan out to its end."""
         processes = self.team.processes
-        with Places(len(self.team.heads)) as places:
+        with Places(len(self.team.heads) + 1) as places:  # and one for a witness
             try:
                 self._spawn(places)
                 self._start()
@@ -85,13 +86,18 @@ class Launcher:
                     one.agent.tell({"command": "exit"})
                 for one in processes:
                     one.end()
+                if self.team.witness is not None:
+                    self.team.witness.end()
                 self._hear(0.0)
 
     def _spawn(self, places: Places) -> None:
         """Start two processes a head; a head alone needs no place to meet others."""
         given, clock_path, n = self.options, self.team.clock_path, len(self.team.heads)
-        meeting = Meeting(places.fresh(), secrets.token_bytes(SECRET_BYTES)) if n > 1 else None
-        epoch = time.time_ns() // 1_000_000
+        epoch, meeting = time.time_ns() // 1_000_000, None
+        if n > 1:
+            all_places, secret = places.fresh(), secrets.token_bytes(SECRET_BYTES)
+            meeting = Meeting(all_places[:n], secret)
+            self.team.witness = WitnessProcess(Meeting(all_places, secret), epoch, self.heard.put)
         for h, head in enumerate(self.team.heads):
             command = [*CONTROLLER, "--name", head.name, "--head", str(h), "--clock",
                        str(clock_path), "--timing", given.timing.value, "--error",
@@ -164,6 +170,9 @@ class Launcher:
                     self._take_record(item)
             case Recorded():
                 self._take_record(item)
+            case AgentLine(head=head) if head == WITNESS:
+                assert self.team.witness is not None
+                self.team.witness.take(item)
             case AgentLine():
                 self._take_agent(item)
             case Parking() | Renewed() | NotRenewed():

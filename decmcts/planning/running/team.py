@@ -11,6 +11,7 @@ from pathlib import Path
 
 from agents.running.clock import PrintClock
 from agents.running.heads import HeadProcesses
+from agents.running.witnessing import WitnessProcess
 from agents.running.report import NOTHING, Reached
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Note, Report
@@ -45,6 +46,7 @@ class Team:
     heads: list[Standing] = field(init=False)
     clock: PrintClock = field(init=False)
     processes: list[HeadProcesses] = field(default_factory=list)
+    witness: WitnessProcess | None = None  # where there are others to meet
     plans: list[Carried] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)
     moved: dict[int, tuple[float, Point]] = field(default_factory=dict)  # by people: when, where

@@ -1,0 +1,70 @@
+"""The witness: a process that hears for the launcher which heads still speak on the bus.
+
+Two agents that do not hear one another both say so, and neither knows whose bus is lost. The
+launcher has no bus of its own (zenoh's threads would be in its process); it starts a witness only
+when it has to know. The witness joins the mesh at one more place, listens for some seconds, says
+whom it heard, and ends:
+
+    {"event": "heard", "heads": [0]}
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+
+from agents.launching.processes import PREFIX
+from agents.loop.pipes import PipeFront, any_command
+from agents.networks.transport import Packet
+from agents.networks.zenoh_transport import ZenohTransport
+from agents.running.report import KIND
+from decmcts.errors import InputError
+from decmcts.formats.files.names import harmless
+from decmcts.leaving import leave
+
+LISTENS_S = 3.0  # links take up to 1 s; agents speak several times a second
+POLL_S = 0.05
+
+
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of what the launcher hands over."""
+    parser = argparse.ArgumentParser(prog="decmcts witness")
+    parser.add_argument("--heads", type=int, required=True, help="that could speak")
+    parser.add_argument("--epoch", type=int, required=True)
+    return parser
+
+
+def heard_of(transport: ZenohTransport, heads: int, seconds: float) -> list[int]:
+    """Return which of so many heads speak within some seconds; sooner if all do."""
+    heard, until = set[int](), time.monotonic() + seconds
+    while len(heard) < heads and time.monotonic() < until:
+        packets = (a for a in transport.receive(POLL_S) if isinstance(a, Packet))
+        heard.update(packet.head for packet in packets if packet.head < heads)
+    return sorted(heard)
+
+
+def main() -> int:
+    """Listen, say whom it heard, and return the exit code."""
+    front = PipeFront(parse=any_command)
+    front.watch()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        words = front.arguments()
+        if words is None or front.meeting is None:
+            return 0
+        given, meeting = arguments().parse_args(words), front.meeting
+        with ZenohTransport(
+            meeting.seal, given.heads, given.epoch, meeting.places, kinds=(KIND,)
+        ) as transport:
+            front.ready("")
+            front.write({"event": "heard", "heads": heard_of(transport, given.heads, LISTENS_S)})
+    except Exception as error:
+        print(harmless(f"{PREFIX}{type(error).__name__}: {error}"), file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 1
+    return 0
+
+
+if __name__ == "__main__":
+    leave(main())
