@@ -38,9 +38,7 @@ class WitnessProcess:
         self.heard = ()
         self._process = AgentProcess(WITNESS, COMMAND, self._hear)
         heads = len(self._meeting.places) - 1
-        self._process.begin(
-            ["--heads", str(heads), "--epoch", str(self._epoch)], self._meeting
-        )
+        self._process.begin(["--heads", str(heads), "--epoch", str(self._epoch)], self._meeting)
 
     def take(self, item: AgentLine) -> None:
         """Take what it states; once its output ends it listens no more."""

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from agents.running.clock import PrintClock
 from agents.running.heads import HeadProcesses
-from agents.running.witnessing import WitnessProcess
 from agents.running.report import NOTHING, Reached
+from agents.running.witnessing import WitnessProcess
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Note, Report
 from decmcts.planning.running.options import Failure
