@@ -23,7 +23,7 @@ from sim.controllers.motion import Profile
 from sim.controllers.polygons import polygon_gap
 from sim.controllers.program import HeadProgram
 from sim.controllers.timing import Error
-from sim.replay.shapes import parts_of, rails_between
+from sim.replay.shapes import parts_of, separations_between
 
 CLOSEST_MM = 0.02  # the least distance is found to within this,
 CHART_MM = 0.5  # that of each span of time for charts,
@@ -154,7 +154,7 @@ def _pair(
 
 def rail_rows(machine: Machine, a: Head, b: Head) -> Floats:
     """Return axis, side of b as a sign and least separation of the rails of two heads, (r, 3)."""
-    return np.array(rails_between(machine, a, b), np.float64).reshape(-1, 3)
+    return np.array(separations_between(machine, a, b), np.float64).reshape(-1, 3)
 
 
 def _contact(pair: tuple[int, int], row: Sequence[float]) -> Contact:

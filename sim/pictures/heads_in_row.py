@@ -13,7 +13,7 @@ import shapely
 from decmcts.print.machine import Machine
 from sim.arrays import Floats
 from sim.replay.heads_near import Shapes, outermost, shapes_of
-from sim.replay.shapes import Part, parts_of, rails_between
+from sim.replay.shapes import Part, parts_of, separations_between
 
 HALVINGS = 60  # of an interval of metres: far below what floats can tell
 
@@ -68,7 +68,7 @@ def _order(machine: Machine, axis: int) -> list[int]:
 
 def _on_rail(machine: Machine, h: int, g: int) -> float:
     """Return how far apart rails keep two nozzles; minus infinity where none does."""
-    rails = rails_between(machine, machine.heads[h], machine.heads[g])
+    rails = separations_between(machine, machine.heads[h], machine.heads[g])
     return max((side * least for _, side, least in rails), default=-np.inf)
 
 

@@ -22,7 +22,7 @@ from sim.content.legs import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.boxes import near_in_windows
 from sim.replay.collision import Solid, Vertices, swept_vertices
-from sim.replay.shapes import parts_of, rails_between
+from sim.replay.shapes import parts_of, separations_between
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-6
@@ -130,7 +130,7 @@ def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[
     """Heads on one rail keep their order and their separation, whatever the timing."""
     heads, lines = document.machine.heads, list[str]()
     for r, s in permutations(range(len(legs.all_actions)), 2):
-        for axis, side, least in rails_between(document.machine, heads[r], heads[s]):
+        for axis, side, least in separations_between(document.machine, heads[r], heads[s]):
             for stations, others in concurrent(heads, legs.all_actions, order, r, s):
                 breaks = find_rail_breaks(
                     stations, others, axis=axis, separation_mm=least, below=side > 0.0,

@@ -25,7 +25,7 @@ from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.collision import Solid, Vertices, swept_vertices
 from sim.replay.compiled import compiled
 from sim.replay.motion import arrival_times
-from sim.replay.shapes import parts_of, rails_between
+from sim.replay.shapes import parts_of, separations_between
 from sim.rules.order import PartialOrder
 
 SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few
@@ -311,7 +311,7 @@ def rail_breaks(
     """
     found = []
     for pair, pieces in shared.items():
-        for axis, side, least in rails_between(machine, *(machine.heads[h] for h in pair)):
+        for axis, side, least in separations_between(machine, *(machine.heads[h] for h in pair)):
             gap = side * (pieces.b - pieces.a)[:, axis]
             bad = np.flatnonzero(gap < least - TOLERANCE_MM)
             if len(bad):

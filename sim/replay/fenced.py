@@ -16,7 +16,7 @@ from sim.arrays import Floats
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.growth import moves_of
 from sim.replay.material import find_contacts
-from sim.replay.shapes import as_material, beads_there, parts_of, rails_between
+from sim.replay.shapes import as_material, beads_there, parts_of, separations_between
 
 TOLERANCE_MM = 1e-4
 
@@ -55,7 +55,7 @@ def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, place: P
         apart = low + ours[0] >= np.array(place) + theirs[1] + margin
         apart |= high + ours[1] <= np.array(place) + theirs[0] - margin
         bad |= ~apart.any(axis=1)
-    for axis, side, least in rails_between(machine, gone, mine):
+    for axis, side, least in separations_between(machine, gone, mine):
         near = low[:, axis] - place[axis] if side > 0.0 else place[axis] - high[:, axis]
         bad |= near < least - TOLERANCE_MM
     return [

@@ -86,7 +86,7 @@ def parts_of(head: Head) -> list[Part]:
     return parts
 
 
-def rails_between(machine: Machine, a: Head, b: Head) -> list[tuple[int, float, float]]:
+def separations_between(machine: Machine, a: Head, b: Head) -> list[tuple[int, float, float]]:
     """Return axis, side of b as a sign, and least separation (mm) of each rail that has both."""
     found = []
     for rail in machine.rails:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.print.contours import Contours
+from decmcts.print.kinematics import separations
 from decmcts.print.machine import Head, Machine, Point
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corner, (2,) mm
@@ -50,11 +51,9 @@ def slowed(machine: Machine, slower: Mapping[str, float]) -> Machine:
 
 def _beside(machine: Machine, head: Head, gone: Head, place: Point, rest: Contours) -> Head:
     """Return a head whose reach keeps clear of one that stands at `place`."""
-    for rail in machine.rails:
-        if head.name in rail.order and gone.name in rail.order:
-            steps = rail.order.index(head.name) - rail.order.index(gone.name)
-            limit = place[rail.axis] + steps * rail.separation_mm
-            head = _cut(head, gone, rail.axis, limit, upwards=steps > 0)
+    for kept in separations(machine, gone.name, head.name):
+        limit = place[kept.axis] + kept.side * kept.least_mm
+        head = _cut(head, gone, kept.axis, limit, upwards=kept.side > 0)
     low, high = _forbidden(machine, head, gone, place)
     sides = [(axis, float(low[axis]), False) for axis in (0, 1)]
     sides += [(axis, float(high[axis]), True) for axis in (0, 1)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Cut, Freedom
 from decmcts.planning.problem.print_problem import PrintProblem, order_graph
 from decmcts.print.cut import Grid, Lines, cut_job
+from decmcts.print.kinematics import line_up
 from decmcts.print.machine import Machine
 from decmcts.print.motion import level_travel, retraction_time, segment_times, travel_feed
 from decmcts.team.cutting.layout import (
@@ -34,7 +36,7 @@ from decmcts.team.cutting.layout import (
 from decmcts.team.cutting.sweep import Sweep, sweep_order, times_of
 from decmcts.team.cutting.travels import with_less_travel
 from decmcts.team.engine.plans import StatedOrder
-from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import first_policies_s
 from decmcts.team.engine.space import relation_of
 
@@ -122,7 +124,7 @@ def _swept(
 
     Several layouts are tried, and of each layer the one is taken in which it took least.
     """
-    contours, axis = problem.job.contours, axis_of(problem.machine)[0]
+    contours, (axis, _) = problem.job.contours, line_up(problem.machine)
     spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
     whole_s = np.add.reduceat(seconds, contours.offsets[:-1])
     tried = _tried_deeper(problem, cut, spread, whole_s)
@@ -179,8 +181,8 @@ def _enough(tried: list[Tried]) -> bool:
 
 def _layout(problem: PrintProblem, spread: Cuttable, nearer_mm: float = 0.0) -> Layout:
     """Return the layout in which heads come so much nearer than they surely may."""
-    axis = axis_of(problem.machine)[0]
-    apart = _apart_mm(problem.machine, axis) - nearer_mm
+    axis, row = line_up(problem.machine)
+    apart = _apart_mm(problem.machine, axis, row) - nearer_mm
     return layout_of(spread, axis=axis, heads=len(problem.machine.heads), apart_mm=apart)
 
 
@@ -235,10 +237,10 @@ def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
     return np.asarray(kept)
 
 
-def _apart_mm(machine: Machine, axis: int) -> float:
-    """Return how far two neighbouring heads must be apart along the axis to be clear."""
-    heads = range(len(machine.heads) - 1)
-    return max(float(relation_of(machine, r, r + 1)[:, 2 * axis + 1].max()) for r in heads)
+def _apart_mm(machine: Machine, axis: int, row: tuple[int, ...]) -> float:
+    """Return how far two neighbours of a row must be apart along the axis to be clear."""
+    pairs = pairwise(row)
+    return max(float(relation_of(machine, r, s)[:, 2 * axis + 1].max()) for r, s in pairs)
 
 
 def _hops(problem: PrintProblem) -> Hops:

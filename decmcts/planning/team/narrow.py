@@ -6,6 +6,7 @@ import numpy as np
 
 from decmcts.print.contours import Role
 from decmcts.print.job import PrintJob
+from decmcts.print.kinematics import widest
 from decmcts.print.machine import Machine
 
 WORTH = 0.3  # of the print more that two heads could print at once, turned
@@ -20,15 +21,15 @@ def narrow_note(job: PrintJob, machine: Machine) -> str | None:
     """
     contours = job.contours
     mine = np.repeat(contours.role != Role.SKIRT_BRIM, np.diff(contours.offsets))
-    if not machine.rails or job.printed is not None or not mine.any():
+    kept = widest(machine)
+    if kept is None or job.printed is not None or not mine.any():
         return None
-    rail = max(machine.rails, key=lambda rail: rail.separation_mm)
-    apart = rail.separation_mm
+    apart = kept.least_mm
     sizes = np.ptp(contours.points[mine, :2], axis=0)
-    along, across = float(sizes[rail.axis]), float(sizes[1 - rail.axis])
+    along, across = float(sizes[kept.axis]), float(sizes[1 - kept.axis])
     if shared(across, apart) < shared(along, apart) + WORTH:
         return None
-    x, y = "xy"[rail.axis], "yx"[rail.axis]
+    x, y = "xy"[kept.axis], "yx"[kept.axis]
     return (
         f"the print is {along:.0f} mm wide along {x}, where heads keep {apart:.0f} mm apart, and "
         f"{across:.0f} mm along {y}: turned by 90° in the slicer, heads could share more of it"

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.kinematics import fixed_order, widest
 from decmcts.print.loops import rotated
 from decmcts.print.loops_kernels import SLIVER_MM
 from decmcts.print.machine import Machine
@@ -116,22 +117,21 @@ def _on_rail(
 
     `parts` are the seconds of the segment ending at each point, here and below.
     """
-    names = {head.name for head in machine.heads}
-    rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
-    if rail is None or len(names) < 2:
+    row, heads = fixed_order(machine), len(machine.heads)
+    if row is None or heads < 2:
         return 0.0
-    held = _held_along(rail.axis, job, machine, parts, entries)
+    held = _held_along(row.axis, job, machine, parts, entries)
     if shares.leaving.any() or shares.entering.any():
-        held = _with_travels(held, job.contours, rail.axis, entries, shares)
-    found = rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
-    return found - shares.without(len(names))
+        held = _with_travels(held, job.contours, row.axis, entries, shares)
+    found = rail_bound(held, separation_mm=row.apart_mm, heads=heads)
+    return found - shares.without(heads)
 
 
 def _of_pair(
     job: PrintJob, machine: Machine, parts: NDArray[np.float64], entries: SeamEntries | None
 ) -> float:
     """Return the bound of two heads that no rail joins; 0 for others."""
-    if len(machine.heads) != 2 or machine.rails:
+    if len(machine.heads) != 2 or widest(machine) is not None:
         return 0.0
     x, y = (_held_along(axis, job, machine, parts, entries) for axis in (0, 1))
     height = float(np.ptp(job.contours.points[:, 2])) if len(job.contours) else 0.0

@@ -68,8 +68,8 @@ class Layout:
         between = np.clip(between, 0, self.heads - 2)
         return np.asarray(between * width + self.steps[layer])
 
-    def head(self, layer: Ints, region: Ints) -> Ints:
-        """Return who prints each region, (k,)."""
+    def place(self, layer: Ints, region: Ints) -> Ints:
+        """Return who prints each region, (k,): by place in the row of heads, the lowest is 0."""
         width = self.steps[layer] + 1
         own = region // width
         middle = region % width == self.steps[layer]

@@ -51,12 +51,13 @@ def sweep_order(problem: TeamProblem, layout: Layout, places: Places, spread: Cu
     region = np.where(whole & fits, places.region[of], layout.region(layer, depth, middle))
     wide = whole & ~fits & ~may
     region[wide] = layout.nearest_middle(layer[wide], region[wide])
-    head = layout.head(layer, region)
+    head = problem.row[layout.place(layer, region)]
     eligible = problem.space.eligible
     rows = np.arange(len(contours))
     head = np.where(eligible[rows, head], head, np.argmax(eligible, axis=1))
     step = layout.step(layer, region)
-    ahead = np.where(layout.forward[layer], layout.heads - 1 - head, head)
+    place = np.argsort(problem.row)[head]
+    ahead = np.where(layout.forward[layer], layout.heads - 1 - place, place)
     size = (layout.steps + 1) * layout.heads
     group = (np.cumsum(size) - size)[layer] + step * layout.heads + ahead
     natural, preds = group.copy(), (problem.graph.pred_offsets, problem.graph.preds)

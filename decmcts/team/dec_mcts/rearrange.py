@@ -33,7 +33,7 @@ def rearranged(
     """
     start = problem.start
     assert start is not None
-    heads, move = len(problem.machine.heads), rng.random()
+    move = rng.random()
     later = _half_turns(rng)
     made = {}
     for r, plan in plans.items():
@@ -42,7 +42,7 @@ def rearranged(
         by[change.macro], to[change.macro] = change.later, change.head
         chosen = _above_one_another(start, r, rng)
         if move < GIVE:
-            to[chosen] = _neighbour(r, heads, rng) if (to[chosen] == r).all() else r
+            to[chosen] = _neighbour(r, problem.row, rng) if (to[chosen] == r).all() else r
         elif move < MOVE:
             by[chosen] = np.clip(by[chosen] + later, -MOST_LATER, MOST_LATER)
         else:
@@ -61,8 +61,9 @@ def _half_turns(rng: np.random.Generator) -> int:
     return int(rng.choice((-1, 1))) * (1 + 2 * int(rng.geometric(0.5)))
 
 
-def _neighbour(r: int, heads: int, rng: np.random.Generator) -> int:
-    return int(rng.choice([other for other in (r - 1, r + 1) if 0 <= other < heads]))
+def _neighbour(r: int, row: Ints, rng: np.random.Generator) -> int:
+    place = int(np.flatnonzero(row == r)[0])
+    return int(row[rng.choice([p for p in (place - 1, place + 1) if 0 <= p < len(row)])])
 
 
 def _above_one_another(start: Start, r: int, rng: np.random.Generator) -> Ints:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.kinematics import fixed_order
 from decmcts.print.machine import Machine
 
 CELL_MM = 1.0  # windows begin this far apart
@@ -19,21 +20,20 @@ CELL_MM = 1.0  # windows begin this far apart
 def bottleneck(
     boxes: NDArray[np.float64], seconds: NDArray[np.float64], machine: Machine
 ) -> NDArray[np.bool_]:
-    """Return which contours lie in the bottleneck, (n,); none where no rail joins all heads.
+    """Return which contours lie in the bottleneck, (n,); none where heads stand in no fixed order.
 
     Parameters
     ----------
     boxes : (n, 4) min x, max x, min y, max y of each contour, mm
     seconds : (n,) printing times
     """
-    names = {head.name for head in machine.heads}
-    rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
+    row = fixed_order(machine)
     inside, most = np.zeros(len(seconds), np.bool_), 0.0
-    if rail is None or not len(seconds):
+    if row is None or not len(seconds):
         return inside
-    low, high = boxes[:, 2 * rail.axis], boxes[:, 2 * rail.axis + 1]
-    for heads in range(1, len(names)):
-        width = heads * rail.separation_mm
+    low, high = boxes[:, 2 * row.axis], boxes[:, 2 * row.axis + 1]
+    for heads in range(1, len(machine.heads)):
+        width = heads * row.apart_mm
         begin, work = _fullest(low - width, high, seconds)
         if work / heads > most:
             most, inside = work / heads, (low - width < begin) & (begin < high)

@@ -16,6 +16,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
+from decmcts.print.kinematics import line_up
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
@@ -46,7 +47,8 @@ class TeamProblem:
     space: Space
     fleet: Fleet
     visits: Visits  # as sliced
-    quantile: NDArray[np.float64]  # (n,) share of all work nearer to the first head's side, 0..1
+    row: NDArray[np.int64]  # (heads,) in which they stand, lowest first (`line_up`)
+    quantile: NDArray[np.float64]  # (n,) share of all work at lower places along that axis, 0..1
     progress: NDArray[np.float64]  # (n,) share of its part's work before it
     urgency: NDArray[np.float64]  # (n,) 0: the longest chain comes after it, 1: nothing does
     bottleneck: NDArray[np.bool_]  # (n,) see decmcts.team.engine.bottleneck
@@ -71,7 +73,7 @@ class TeamProblem:
     def side_of(self) -> NDArray[np.int64]:
         """Return the head in whose share of the machine each contour lies, (n,)."""
         heads = len(self.machine.heads)
-        return np.minimum((self.quantile * heads).astype(np.int64), heads - 1)
+        return self.row[np.minimum((self.quantile * heads).astype(np.int64), heads - 1)]
 
     def key_terms(self) -> KeyTerms:
         """Return what a policy makes its keys of."""
@@ -84,7 +86,8 @@ class TeamProblem:
         apart.
         """
         heads = len(self.machine.heads)
-        return np.clip(self.quantile[None] * heads - np.arange(heads)[:, None], 0.0, 1.0)
+        place = np.argsort(self.row)
+        return np.clip(self.quantile[None] * heads - place[:, None], 0.0, 1.0)
 
 
 def build_team_problem(
@@ -115,12 +118,12 @@ def build_team_problem(
     visits = visits_of(
         contours, graph, by_head, reversible, in_pieces=machine.release == "point", lags=lags
     )
-    quantile = _quantile(seconds, space, machine)
+    axis, row = line_up(machine)
+    quantile = _quantile(seconds, space, axis)
     part = part_of(contours)
     progress = part_progress(seconds, part)
     side = np.minimum((quantile * len(machine.heads)).astype(np.int64), len(machine.heads) - 1)
     macro = cut_macros(seconds, part, progress, side)
-    axis = axis_of(machine)[0]
     column_offsets, column = columns_of(space.boxes, part, axis)
     begun = None
     if start is not None:
@@ -133,6 +136,7 @@ def build_team_problem(
         space=space,
         fleet=fleet_of(job, machine),
         visits=visits,
+        row=np.array(row, np.int64),
         quantile=quantile,
         progress=progress,
         urgency=_urgency(seconds, graph),
@@ -179,23 +183,10 @@ def _urgency(seconds: NDArray[np.float64], graph: DependencyGraph) -> NDArray[np
     return np.asarray(1.0 - behind / max(float(behind.max(initial=0.0)), 1e-12))
 
 
-def axis_of(machine: Machine) -> tuple[int, bool]:
-    """Return the axis the heads stand along, and whether the first stands lowest.
-
-    That is the rail's, else the one along which the parks lie farthest apart.
-    """
-    if machine.rails:
-        return machine.rails[0].axis, True
-    parks = np.array([head.park[:2] for head in machine.heads], np.float64)
-    axis = int(np.argmax(np.ptp(parks, axis=0)))
-    return axis, bool(parks[0, axis] <= parks[-1, axis])
-
-
-def _quantile(seconds: NDArray[np.float64], space: Space, machine: Machine) -> NDArray[np.float64]:
-    """Return the share of all work on the first head's side of each contour, (n,)."""
-    axis, forwards = axis_of(machine)
+def _quantile(seconds: NDArray[np.float64], space: Space, axis: int) -> NDArray[np.float64]:
+    """Return the share of all work that lies at lower places along an axis, (n,)."""
     middle = space.boxes[:, 2 * axis] + space.boxes[:, 2 * axis + 1]
-    order = np.argsort(middle if forwards else -middle, kind="stable")
+    order = np.argsort(middle, kind="stable")
     work = seconds[order]
     quantile = np.empty(len(seconds))
     quantile[order] = (np.cumsum(work) - work / 2) / max(float(work.sum()), 1e-12)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.kinematics import separations
 from decmcts.print.lags_kernels import no_lags
 from decmcts.print.machine import Head, Machine, MotionLimits
 from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
@@ -94,12 +95,9 @@ def relation_of(machine: Machine, r: int, s: int) -> NDArray[np.float64]:
     high = mine[:, None, 1::2] - other[None, :, 0::2] + gap
     boxes = np.stack([low, high], axis=3).reshape(-1, 6)
     names = (machine.heads[r].name, machine.heads[s].name)
-    for rail in machine.rails:
-        if not set(names) <= set(rail.order):
-            continue
-        steps = rail.order.index(names[1]) - rail.order.index(names[0])
+    for kept in separations(machine, *names):
         half = np.tile([-np.inf, np.inf], 3)
-        half[2 * rail.axis + (1 if steps > 0 else 0)] = steps * rail.separation_mm
+        half[2 * kept.axis + (1 if kept.side > 0 else 0)] = kept.side * kept.least_mm
         boxes = np.concatenate([half[None], boxes])
     return boxes[_not_within_others(boxes)]
 

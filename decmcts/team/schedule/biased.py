@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
+from decmcts.print.kinematics import line_up
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
-from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import first_policies_s
 from decmcts.team.schedule.entries import OrderChoices, agreed_job
 
@@ -57,10 +58,10 @@ def biased_entries(
 
 def _biased(job: PrintJob, problem: TeamProblem, entries: SeamEntries) -> Iterator[Ints]:
     """Yield entries biased apart, to the low end of the machine, and to the high one."""
-    axis, first_is_low = axis_of(problem.machine)
+    axis, _ = line_up(problem.machine)
     loop = entries.contour()
     at = job.contours.points[job.contours.offsets[loop] + entries.vertices, axis]
-    low = (problem.quantile < 0.5) == first_is_low
+    low = problem.quantile < 0.5
     for towards_low in (low, np.ones_like(low), np.zeros_like(low)):
         row = np.lexsort((np.where(towards_low[loop], at, -at), loop))
         yield entries.vertices[row[entries.offsets[:-1]]]

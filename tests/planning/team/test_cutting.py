@@ -78,6 +78,20 @@ def test_the_more_is_cut_the_sooner_a_sweep_ends(source: Path) -> None:
     assert ends[Cut.INSIDE] > 1.05 * ends[Cut.ALL]
 
 
+@pytest.mark.parametrize("listed", [(1, 0), (2, 0, 1)])
+def test_a_machine_may_list_its_heads_in_any_order(tmp_path: Path, listed: tuple[int, ...]) -> None:
+    """Who prints which part of a slab follows from where heads stand."""
+    machine = rail_machine(load_machine("dual-gantry"), len(listed), 600.0)
+    made = slab(tmp_path / "slab.gcode", wide=400.0, middle=(300.0, 150.0))
+    heads = tuple(machine.heads[h] for h in listed)
+    first = best_sweep(load(made, machine), Cut.INSIDE, unheard)
+    other = best_sweep(load(made, replace(machine, heads=heads)), Cut.INSIDE, unheard)
+    assert first is not None and other is not None
+    assert other.makespan_s == pytest.approx(first.makespan_s, rel=2e-3)  # ties fall otherwise
+    prints = [np.bincount(one.order.head, minlength=len(listed)) for one in (first, other)]
+    assert prints[1] == pytest.approx(prints[0][list(listed)], rel=0.05)
+
+
 def test_prints_whose_order_no_message_holds_are_cut(
     source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
