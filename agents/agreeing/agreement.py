@@ -85,7 +85,7 @@ LONGEST_PAUSE_TICKS = 30
 """No plan is said again later than this: lost words must not hold up a release."""
 
 
-class Agreement:
+class HeadAgreement:
     """One head's side of the agreement; effects go to the end of `out`.
 
     Parameters

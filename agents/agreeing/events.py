@@ -49,7 +49,7 @@ class PlanResolved:
 
 
 @dataclass(frozen=True, slots=True)
-class Fenced:
+class HeadFenced:
     """Who may say so says: this incarnation of a head is off or parked for good."""
 
     head: int
@@ -78,7 +78,7 @@ Event = (
     | PlanningEnded
     | Proposal  # our planner's answer to `Propose`
     | PlanResolved
-    | Fenced
+    | HeadFenced
     | Tick
     | Leave
 )

@@ -31,12 +31,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agents.agreeing.agreement import Agreement
+from agents.agreeing.agreement import HeadAgreement
 from agents.agreeing.events import (
     Effect,
     Event,
-    Fenced,
     Forget,
+    HeadFenced,
     Leave,
     Left,
     LiveChanged,
@@ -93,7 +93,7 @@ class Protocol:
         self.head = head
         self._out: list[Effect] = []
         self._roster = Roster(head, names, problem, fenced)
-        self._agreement = Agreement(head, epoch, self._roster, self._out)
+        self._agreement = HeadAgreement(head, epoch, self._roster, self._out)
         self._roster_told = False
 
     @property
@@ -144,7 +144,7 @@ class Protocol:
                 agreement.proposed(event)
             case PlanResolved():
                 agreement.resolved(event)
-            case Fenced(head, epoch):
+            case HeadFenced(head, epoch):
                 self._roster.fence(head, epoch)
             case Tick(within):
                 self._tick(within)

@@ -25,7 +25,7 @@ from typing import Any
 
 from agents.agreeing.events import (
     Event,
-    Fenced,
+    HeadFenced,
     Leave,
     Left,
     Note,
@@ -232,7 +232,7 @@ def parse_command(line: bytes) -> Event | Meet | None:
         asked = json.loads(line)
         match asked:
             case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
-                return Fenced(head, epoch)
+                return HeadFenced(head, epoch)
             case {"command": "meet", "places": [*places]}:
                 return Meet(checked_places(places))
             case {"command": "stop"}:

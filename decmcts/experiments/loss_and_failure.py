@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.agreeing.events import Fenced
+from agents.agreeing.events import HeadFenced
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
 from agents.planners.team_planner import TeamPlanner
@@ -109,7 +109,7 @@ def _planning(what: Given, key: Key) -> Row:
             team.kill(VICTIM)
             team.add(VICTIM, epoch=2)
             for head in range(1, int(key["heads"])):
-                team.fronts[head].asked.append(Fenced(VICTIM, 1))
+                team.fronts[head].asked.append(HeadFenced(VICTIM, 1))
         else:
             team.fence(VICTIM)
 

@@ -18,7 +18,7 @@ import numpy as np
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from sim.arrays import Floats, Ints
-from sim.controllers.beads import BEFORE, NO_LAYER, Beads, Material
+from sim.controllers.beads import BEFORE, NO_LAYER, Material, MoveBeads
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.nearness import shape_of
 from sim.controllers.print_search import COLUMNS, Moves, Parts, bare, go_through
@@ -80,7 +80,9 @@ def _moves(
     return _joined(found if material.before is None else [*found, _standing(material.before)])
 
 
-def _moves_of(h: int, program: HeadProgram, run: HeadRun, beads: Beads, begin_s: float) -> Moves:
+def _moves_of(
+    h: int, program: HeadProgram, run: HeadRun, beads: MoveBeads, begin_s: float
+) -> Moves:
     """Return the moves of one head."""
     m = len(program.feed)
     moved = (np.diff(program.points, axis=0) != 0.0).any(axis=1)

@@ -49,7 +49,7 @@ class Moves(NamedTuple):
     end: Floats  # (m,)
     lays: Flags  # (m,)
     looked_at: Flags  # (m,)
-    number: Ints  # (m,) as `Beads`
+    number: Ints  # (m,) as `MoveBeads`
     layer: Ints  # (m,)
     height: Floats  # (m,)
     half: Floats  # (m,)

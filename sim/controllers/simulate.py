@@ -19,7 +19,7 @@ from sim.controllers.adversary import adversaries
 from sim.controllers.beads import Material
 from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.motion import QUEUE, Profile, profile_of
-from sim.controllers.nearness import Contact, Near, course_of, nearness, positions
+from sim.controllers.nearness import HeadContact, Near, course_of, nearness, positions
 from sim.controllers.print_contacts import PrintContact, print_contacts
 from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
@@ -63,7 +63,7 @@ class Trial:
     on_print: tuple[PrintContact, ...] = ()  # of heads with what is printed by then
 
     @property
-    def contacts(self) -> tuple[Contact, ...]:
+    def contacts(self) -> tuple[HeadContact, ...]:
         """Contacts of all pairs of heads."""
         return tuple(contact for near in self.near for contact in near.contacts)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.agreeing.events import Event, Fenced, Notice, Release
+from agents.agreeing.events import Event, HeadFenced, Notice, Release
 from agents.loop.agent import Agent, Meet, Progress
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
@@ -104,7 +104,7 @@ class MemoryTeam:
         if head in self.agents:
             self.kill(head)
         for other in self.agents:
-            self.fronts[other].asked.append(Fenced(head, epoch))
+            self.fronts[other].asked.append(HeadFenced(head, epoch))
 
     def releases(self) -> dict[int, Release]:
         """Return what each head has released, of those that have."""

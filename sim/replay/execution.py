@@ -43,7 +43,7 @@ class Meeting:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class TimedPath:
     """Where one head is over time, piecewise straight; rests have two equal points."""
 
     time: Floats  # (k,) non-decreasing seconds
@@ -178,12 +178,12 @@ def course_of(
     arrivals: Floats,
     park: Floats,
     end_s: float,
-) -> Course:
+) -> TimedPath:
     """Return where a head is from 0 to `end_s` seconds."""
     if not len(actions):
-        return Course(np.array([0.0, end_s]), np.array([park, park]), np.array([-1, -1]))
+        return TimedPath(np.array([0.0, end_s]), np.array([park, park]), np.array([-1, -1]))
     owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
-    return Course(
+    return TimedPath(
         np.concatenate([[0.0], begin[owner] + factor[owner] * arrivals, [end_s]]),
         np.concatenate([actions.path[:1], actions.path, actions.path[-1:]]),
         np.concatenate([[-1], owner, [len(actions) - 1]]),
@@ -232,13 +232,13 @@ class Pieces:
     actions: Ints  # (k, 2)
 
 
-def shared_pieces(courses: list[Course]) -> dict[tuple[int, int], Pieces]:
+def shared_pieces(courses: list[TimedPath]) -> dict[tuple[int, int], Pieces]:
     """Return for each pair of heads, the lower first, both on one time axis."""
     pairs = combinations(range(len(courses)), 2)
     return {(a, b): _shared_pieces(courses[a], courses[b]) for a, b in pairs}
 
 
-def _shared_pieces(a: Course, b: Course) -> Pieces:
+def _shared_pieces(a: TimedPath, b: TimedPath) -> Pieces:
     time = np.sort(np.concatenate([a.time, b.time]), kind="stable")  # two runs to merge
     time = time[np.concatenate([[True], time[1:] != time[:-1]])]
     points, actions = np.empty((2, len(time), 3)), np.empty((len(time), 2), np.int64)
@@ -329,7 +329,7 @@ def run_trial(
     order: PartialOrder,
     arrivals: list[Floats],
     factors: list[Floats],
-) -> tuple[list[Floats], list[Course]]:
+) -> tuple[list[Floats], list[TimedPath]]:
     """Execute the plan with one timing error; returns begin times and courses of all heads."""
     seconds = [
         factor * times[actions.path_offsets[1:] - 1]

@@ -17,7 +17,13 @@ from decmcts.print.machine import Head
 from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind
 from sim.replay.gaps import meets, room
-from sim.replay.near_misses import CAPACITY, Capacity, NearPrint, UndecidedError, near_misses
+from sim.replay.near_misses import (
+    CAPACITY,
+    NearMissCapacity,
+    NearPrint,
+    UndecidedError,
+    near_misses,
+)
 from sim.replay.shapes import Beads, Part, parts_of
 
 
@@ -61,7 +67,7 @@ def deepest_contacts(
     *,
     margins: tuple[float, float],
     ends_at: Ends | None = None,
-    capacity: Capacity = CAPACITY,
+    capacity: NearMissCapacity = CAPACITY,
 ) -> tuple[Ints, Floats]:
     """Return which owners of moves meet which beads' owners, and how deep.
 
@@ -90,7 +96,11 @@ def deepest_contacts(
 
 
 def _near(
-    search: Search, order: Ints, what: str, capacity: Capacity, near: NearPrint | None = None
+    search: Search,
+    order: Ints,
+    what: str,
+    capacity: NearMissCapacity,
+    near: NearPrint | None = None,
 ) -> Iterator[tuple[Ints, bool]]:
     """Yield near misses, more at each try, and whether they are all of them.
 
@@ -141,7 +151,7 @@ def find_contacts(
     clearance_mm: float,
     tolerance_mm: float,
     limit: int,
-    capacity: Capacity = CAPACITY,
+    capacity: NearMissCapacity = CAPACITY,
     allowed: Allowed | None = None,
     near: NearPrint | None = None,
 ) -> list[Contact]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.agreeing.agreement import STALLED_TICKS
-from agents.agreeing.events import Fenced, Note, Phase, Refused, Release, Unfenced
+from agents.agreeing.events import HeadFenced, Note, Phase, Refused, Release, Unfenced
 from agents.loop.agent import TICK_S
 from agents.messages.codec import encode, kind_of
 from agents.messages.kinds import (
@@ -175,7 +175,7 @@ def test_a_fence_may_be_said_twice() -> None:
     team.fence(2)
     team.run(0.5)
     for head in team.agents:
-        team.fronts[head].asked.append(Fenced(2, 1))
+        team.fronts[head].asked.append(HeadFenced(2, 1))
     team.run(3.0)
     assert the_release(team).live == (0, 1)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
-from decmcts.feasibility.clearance_kernels import Beads
+from decmcts.feasibility.clearance_kernels import Centrelines
 from decmcts.feasibility.closure_kernels import touches
 from decmcts.print.lags_kernels import Lags
 from decmcts.team.engine.joint_kernels import Visits
@@ -38,7 +38,7 @@ class Progress(NamedTuple):
 
 @kernel
 def printed_over(
-    beads: Beads,
+    beads: Centrelines,
     by_top: NDArray[np.int32],
     top: NDArray[np.float64],
     height: NDArray[np.float64],
