@@ -40,7 +40,7 @@ from agents.agreeing.events import (
     Leave,
     Left,
     LiveChanged,
-    Note,
+    LogNote,
     Phase,
     PlanningEnded,
     PlanResolved,
@@ -196,7 +196,7 @@ class Protocol:
     def _hear_goodbye(self, head: int, epoch: int, goodbye: Goodbye) -> None:
         # Who takes leave without a release stays parked by its own word, which
         # is a fence. Who released prints on: it is gone but not off.
-        self._out.append(Note(f"{self._roster.names[head]} left: {goodbye.reason}"))
+        self._out.append(LogNote(f"{self._roster.names[head]} left: {goodbye.reason}"))
         if goodbye.digest:
             self._agreement.hear_release(goodbye.digest)
         else:

@@ -19,7 +19,7 @@ from agents.agreeing.events import (
     Forget,
     Leave,
     LiveChanged,
-    Note,
+    LogNote,
     Notice,
     Phase,
     PlanningEnded,
@@ -229,7 +229,7 @@ class Agent:
         # The live heads cannot print everything. Nothing to do but wait for the
         # others to come back, or for the launcher to give up.
         self._stuck = True
-        self._front.tell(Note(str(error)))
+        self._front.tell(LogNote(str(error)))
 
     def _keep_time(self) -> None:
         now = self._clock()
@@ -293,7 +293,7 @@ class Agent:
         """Count a message that is dropped; log the first of each reason."""
         self.traffic.dropped[reason] += 1
         if self.traffic.dropped[reason] == 1:
-            self._front.tell(Note(f"dropped: {reason} {detail}".rstrip()))
+            self._front.tell(LogNote(f"dropped: {reason} {detail}".rstrip()))
 
     def _feed(self, event: Event) -> None:
         self._perform(self.protocol.handle(event))

@@ -28,7 +28,7 @@ from agents.agreeing.events import (
     HeadFenced,
     Leave,
     Left,
-    Note,
+    LogNote,
     Notice,
     PlanningEnded,
     Refused,
@@ -42,7 +42,7 @@ from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 
 _NAMES: dict[type[Notice], str] = {
-    Note: "note", Refused: "refused", Unfenced: "unfenced", Release: "released", Left: "left",
+    LogNote: "note", Refused: "refused", Unfenced: "unfenced", Release: "released", Left: "left",
 }  # fmt: skip
 _MAX_LINE = 65536
 _WATCH_MS = 100
@@ -199,7 +199,7 @@ class TerminalFront:
     def tell(self, effect: Notice) -> None:
         """Print one line."""
         match effect:
-            case Note(text):
+            case LogNote(text):
                 line = text
             case Refused(_, reason):
                 line = f"refused: {reason}"

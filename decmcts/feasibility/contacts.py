@@ -104,7 +104,7 @@ def find_contacts(contours: Contours, beads: Centrelines, heads: Sequence[Head])
         np.empty((FIRST, 2), np.int32), np.empty(FIRST), np.empty(FIRST, np.bool_),
         np.zeros(1, np.int64),
     )  # fmt: skip
-    limits = kernels.Limits(
+    limits = kernels.DepthLimits(
         contours.height + ROUNDING_MM, contours.layer, nozzle_mm(heads),
         contours.width + (BESIDE_MM - TOUCH_MM),
     )  # fmt: skip

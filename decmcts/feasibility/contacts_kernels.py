@@ -35,7 +35,7 @@ class ContactList(NamedTuple):
     used: NDArray[np.int64]  # (1,) how many of the capacity
 
 
-class Limits(NamedTuple):
+class DepthLimits(NamedTuple):
     """How deep a contact may be."""
 
     most: NDArray[np.float64]  # (n,) mm, with this contour's bead
@@ -128,7 +128,7 @@ def chunk_depth(
 
 @kernel
 def source_contacts(
-    beads: Centrelines, words: Words, head: PackedHead, limits: Limits, found: ContactList
+    beads: Centrelines, words: Words, head: PackedHead, limits: DepthLimits, found: ContactList
 ) -> tuple[ContactList, int, int, int]:
     """Find all pairs a < b of which a blocks the head at b, and how deep.
 

@@ -36,7 +36,7 @@ Windows = tuple[list[int], list[int]]  # lines between which the sync points of 
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class FileParts:
     """The parts of one head's file, by line from 1."""
 
     first: int  # first command
@@ -65,7 +65,7 @@ def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) ->
 
 
 def check_order(
-    files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[Parts],
+    files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[FileParts],
     walks: list[Walk], intervals: Intervals, *, read: bool = False,
 ) -> list[Fault]:  # fmt: skip
     """Check that the files order what the plan orders, and keep set-up first and end code last.
@@ -125,7 +125,7 @@ def _in_motion(
     ]
 
 
-def _last_end(file: HeadFile, part: Parts) -> int:
+def _last_end(file: HeadFile, part: FileParts) -> int:
     """Return the last line of a head's end code; 0 where it has none."""
     return file.rest[-1][0] if file.rest and part.end_code <= len(file.lines) else 0
 
@@ -208,7 +208,7 @@ def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
 
 
 def _unplanned(
-    files: Sequence[HeadFile], plan: JointPlan, parts: list[Parts], walks: list[Walk], h: int,
+    files: Sequence[HeadFile], plan: JointPlan, parts: list[FileParts], walks: list[Walk], h: int,
     given: Mapping[int, tuple[int, Sync]], windows: list[Windows], firsts: list[int],
     intervals: Intervals,
 ) -> list[str]:  # fmt: skip

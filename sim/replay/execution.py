@@ -32,7 +32,7 @@ SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned t
 
 
 @dataclass(frozen=True, slots=True)
-class Meeting:
+class HeadConflict:
     """Two heads nearer than the clearance at some time of a replay."""
 
     trial: str
@@ -190,9 +190,9 @@ def course_of(
     )
 
 
-def meetings(
+def head_conflicts(
     machine: Machine, pieces: Pieces, pair: tuple[int, int], trial: str, limit: int
-) -> list[Meeting]:
+) -> list[HeadConflict]:
     """Return the times at which two heads come nearer than the clearance."""
     reach = machine.head_clearance_mm - TOLERANCE_MM
     mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pair)
@@ -202,7 +202,7 @@ def meetings(
     near = _near_pieces(
         pieces, every, _box(np.concatenate(mine)), _box(np.concatenate(theirs)), reach
     )
-    found: dict[tuple[int, int], Meeting] = {}
+    found: dict[tuple[int, int], HeadConflict] = {}
     boxes = [_box(shape) for shape in theirs]
     for a_shape in mine:
         a_box = _box(a_shape)
@@ -213,7 +213,7 @@ def meetings(
                     continue
                 gap = _least_gap(a_shape, b_shape, pieces, k)
                 if gap < reach:
-                    found[actions] = Meeting(trial, float(pieces.time[k]), pair, actions, gap)
+                    found[actions] = HeadConflict(trial, float(pieces.time[k]), pair, actions, gap)
     return list(found.values())
 
 
@@ -304,7 +304,7 @@ def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
 
 def rail_breaks(
     machine: Machine, shared: Mapping[tuple[int, int], Pieces], trial: str
-) -> list[Meeting]:
+) -> list[HeadConflict]:
     """Return the first time in a replay at which each pair of heads breaks each rail.
 
     `shared` has the pieces of each pair (`shared_pieces`).
@@ -319,7 +319,7 @@ def rail_breaks(
                 r, s = pair[::turn]
                 one, other = pieces.actions[k, ::turn].tolist()
                 time_s = float(pieces.time[k])
-                found.append(Meeting(trial, time_s, (r, s), (one, other), float(gap[k])))
+                found.append(HeadConflict(trial, time_s, (r, s), (one, other), float(gap[k])))
     return found
 
 

@@ -21,7 +21,7 @@ from decmcts.search.bounds.exact import WIDEST, Patience, solve_exactly
 from decmcts.search.decomposition.threads import anneal_rounds, descend_fully, open_threads
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.partition import Partition
-from decmcts.search.hybrid.search import Phase, Search
+from decmcts.search.hybrid.search import Search, SearchPhase
 from decmcts.search.hybrid.starts import LayeredStart, Starts
 from decmcts.search.hybrid.windows import Windows
 from decmcts.search.sequence.annealing import DESCENT_FROM
@@ -123,7 +123,7 @@ class Hybrid:
             yield from phase.run(search)
             yield
 
-    def phases(self, search: Search) -> Iterator[Phase]:
+    def phases(self, search: Search) -> Iterator[SearchPhase]:
         """Yield the phases; each is chosen when it is due."""
         if search.incumbent.problem.timed_lags is not None:
             yield self.lagged

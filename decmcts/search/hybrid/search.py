@@ -43,7 +43,7 @@ class Search:
         return Sequence.best_of(self.incumbent, self.near)
 
 
-class Phase(Protocol):
+class SearchPhase(Protocol):
     """A part of a search."""
 
     def run(self, search: Search) -> Iterator[None]:

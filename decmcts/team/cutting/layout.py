@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.touching import SHELLS
 from decmcts.print.contours import Contours, Role
-from decmcts.print.cut import LEAST_MM, OUTSIDE, Lines
+from decmcts.print.cut import LEAST_MM, OUTSIDE, CutLines
 from decmcts.print.cut_kernels import SNAP_MM
 from decmcts.print.loops import FLAT_MM
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
@@ -339,9 +339,9 @@ def _by_step(layout: Layout, layer: Ints, begin: Ints, end: Ints, first: Flags) 
     return region
 
 
-def lines_of(contours: Contours, layout: Layout, spread: Cuttable, places: Places) -> Lines:
+def lines_of(contours: Contours, layout: Layout, spread: Cuttable, places: Places) -> CutLines:
     """Return where each contour is cut: nowhere if it may stay whole."""
     edges = layout.lines[contours.layer, spread.depth]
     cut = np.isfinite(edges) & (spread.may & ~places.fits)[:, None]
     offsets = np.concatenate([[0], np.cumsum(cut.sum(axis=1))]).astype(np.int64)
-    return Lines(layout.axis, edges[cut], offsets)
+    return CutLines(layout.axis, edges[cut], offsets)
