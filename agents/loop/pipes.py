@@ -35,7 +35,7 @@ from agents.agreeing.events import (
     Release,
     Unfenced,
 )
-from agents.loop.agent import Meet, Progress
+from agents.loop.agent import AgentProgress, Meet
 from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
@@ -154,7 +154,7 @@ class PipeFront:
         self._is_ready.set()
         self.write({"event": "ready", "problem": problem})
 
-    def progress(self, progress: Progress, traffic: Traffic) -> None:
+    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Say where the agent stands."""
         self.write({"event": "progress", **asdict(progress), "traffic": traffic.counts()})
 
@@ -193,7 +193,7 @@ class TerminalFront:
         """Say that the agent is up."""
         print(f"problem {problem[:12]} loaded", file=sys.stderr)
 
-    def progress(self, progress: Progress, traffic: Traffic) -> None:
+    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Say nothing: the notes and the result are enough for a log."""
 
     def tell(self, effect: Notice) -> None:

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from agents.agreeing.events import HeadFenced
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
-from agents.planners.team_planner import TeamPlanner
+from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.in_memory import Agreed, agreed, rounds_of, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure
@@ -97,7 +97,7 @@ def _run(key: Key) -> Row:
 def _planning(what: Given, key: Key) -> Row:
     """Let agents agree while messages are lost and one of them dies."""
     compile_rounds()
-    planner_of = partial(TeamPlanner, what.team, seed=int(key["seed"]))
+    planner_of = partial(DecMctsPlanner, what.team, seed=int(key["seed"]))
     at_s = float(key["moment"]) * rounds_of(key) * STEP_S
     done = list[str]()
 

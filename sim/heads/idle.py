@@ -28,7 +28,7 @@ from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.print.idle import Idle, Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.heads.file import HeadFile, Rests
+from sim.heads.file import FileWaits, HeadFile
 from sim.heads.walk import OWED_MM, Walk
 
 _OWN = IDLE_MARK.encode()  # behind a dwell at standby
@@ -216,7 +216,7 @@ def _within(group: Standby, window: tuple[int, int]) -> bool:
     return window[0] < group.lines[0] and group.lines[-1] < window[1]
 
 
-def _waitless(rests: Rests, group: Standby) -> Iterator[str]:
+def _waitless(rests: FileWaits, group: Standby) -> Iterator[str]:
     """Yield a line where there is nothing that a head stands for at standby, or while it heats."""
     first, last = group.lines[1], group.lines[-1]
     if not _between(rests.waits, first, last) and not _between(rests.dwells, first, last):
@@ -261,7 +261,7 @@ def _dwelt_elsewhere(file: HeadFile, groups: Sequence[Standby]) -> Iterator[str]
 
 
 def _late(
-    rests: Rests, group: Standby, stand: Stand, window: tuple[int, int], idle: Idle
+    rests: FileWaits, group: Standby, stand: Stand, window: tuple[int, int], idle: Idle
 ) -> Iterator[str]:
     """Yield what makes a head stand longer than planned, or not be hot in time."""
     _, cool, heat, last = group.lines

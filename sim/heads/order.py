@@ -25,7 +25,7 @@ from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.arrays import Floats
 from sim.faults import Fault, FaultKind, listed
-from sim.heads.file import HeadFile, Rests
+from sim.heads.file import FileWaits, HeadFile
 from sim.heads.sync import Knowledge, Sync
 from sim.heads.walk import Walk
 
@@ -131,7 +131,12 @@ def _last_end(file: HeadFile, part: FileParts) -> int:
 
 
 def _unkept(
-    rests: Rests, begins: list[int], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
+    rests: FileWaits,
+    begins: list[int],
+    plan: JointPlan,
+    known: Knowledge,
+    walks: list[Walk],
+    h: int,
 ) -> list[str]:
     """Return the edges into one head that its waits, or the dwells behind them, do not keep."""
     actions, lines = plan.heads[h], []
@@ -164,7 +169,7 @@ def _reached(walk: Walk, edge: After) -> int:
     )
 
 
-def _dwelt(rests: Rests, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
+def _dwelt(rests: FileWaits, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
     """Return the seconds head h dwells between knowing that g has `reached` a line and `first`.
 
     What a head knows never grows less, so the wait that tells it is found by bisection.
@@ -175,7 +180,12 @@ def _dwelt(rests: Rests, known: Knowledge, h: int, g: int, reached: int, first: 
 
 
 def _unrested(
-    rests: Rests, begins: list[int], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
+    rests: FileWaits,
+    begins: list[int],
+    plan: JointPlan,
+    known: Knowledge,
+    walks: list[Walk],
+    h: int,
 ) -> list[str]:
     """Return the waits of one head for which its file does not dwell as long as planned."""
     actions, walk, lines = plan.heads[h], walks[h], []

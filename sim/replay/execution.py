@@ -171,7 +171,7 @@ def _earliest(
     return begin
 
 
-def course_of(
+def timed_path_of(
     actions: HeadActions,
     begin: Floats,
     factor: Floats,
@@ -191,7 +191,7 @@ def course_of(
 
 
 def head_conflicts(
-    machine: Machine, pieces: Pieces, pair: tuple[int, int], trial: str, limit: int
+    machine: Machine, pieces: PairMotion, pair: tuple[int, int], trial: str, limit: int
 ) -> list[HeadConflict]:
     """Return the times at which two heads come nearer than the clearance."""
     reach = machine.head_clearance_mm - TOLERANCE_MM
@@ -223,7 +223,7 @@ def _box(shape: Vertices) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class PairMotion:
     """Both heads on one time axis; between two times each moves straight."""
 
     time: Floats  # (k,)
@@ -232,19 +232,19 @@ class Pieces:
     actions: Ints  # (k, 2)
 
 
-def shared_pieces(courses: list[TimedPath]) -> dict[tuple[int, int], Pieces]:
+def shared_pieces(courses: list[TimedPath]) -> dict[tuple[int, int], PairMotion]:
     """Return for each pair of heads, the lower first, both on one time axis."""
     pairs = combinations(range(len(courses)), 2)
     return {(a, b): _shared_pieces(courses[a], courses[b]) for a, b in pairs}
 
 
-def _shared_pieces(a: TimedPath, b: TimedPath) -> Pieces:
+def _shared_pieces(a: TimedPath, b: TimedPath) -> PairMotion:
     time = np.sort(np.concatenate([a.time, b.time]), kind="stable")  # two runs to merge
     time = time[np.concatenate([[True], time[1:] != time[:-1]])]
     points, actions = np.empty((2, len(time), 3)), np.empty((len(time), 2), np.int64)
     for h, course in enumerate((a, b)):
         _follow(time, course.time, course.point, course.action, points[h], actions[:, h])
-    return Pieces(time, points[0], points[1], actions)
+    return PairMotion(time, points[0], points[1], actions)
 
 
 @compiled
@@ -268,7 +268,9 @@ def _follow(
         actions[k] = action[i]
 
 
-def _near_pieces(pieces: Pieces, rows: Ints, a_box: Floats, b_box: Floats, reach: float) -> Ints:
+def _near_pieces(
+    pieces: PairMotion, rows: Ints, a_box: Floats, b_box: Floats, reach: float
+) -> Ints:
     """Return those of `rows` in which the swept bounding boxes come nearer than `reach`."""
     limits = np.stack([b_box[1] - a_box[0] + reach, a_box[1] - b_box[0] + reach])
     return rows[_near(pieces.a, pieces.b, rows, limits)]
@@ -292,7 +294,7 @@ def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> Flags:
     return near
 
 
-def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
+def _least_gap(a: Vertices, b: Vertices, pieces: PairMotion, k: int) -> float:
     """Return how near the two shapes come in one piece.
 
     Both move straight at uniform speed, so the second as seen from the first
@@ -303,7 +305,7 @@ def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
 
 
 def rail_breaks(
-    machine: Machine, shared: Mapping[tuple[int, int], Pieces], trial: str
+    machine: Machine, shared: Mapping[tuple[int, int], PairMotion], trial: str
 ) -> list[HeadConflict]:
     """Return the first time in a replay at which each pair of heads breaks each rail.
 
@@ -340,7 +342,7 @@ def run_trial(
         (float((b + d).max()) for b, d in zip(begin, seconds, strict=True) if len(b)), default=0.0
     )
     courses = [
-        course_of(actions, b, f, t, np.array(head.park), end_s)
+        timed_path_of(actions, b, f, t, np.array(head.park), end_s)
         for actions, b, f, t, head in zip(
             all_actions, begin, factors, arrivals, machine.heads, strict=True
         )

@@ -17,7 +17,7 @@ from decmcts.search.sequence.neighbours import near_ports
 
 
 @dataclass(slots=True)
-class Search:
+class HybridSearch:
     """The best sequence so far, and what phases need and find out; mutable."""
 
     incumbent: Incumbent
@@ -46,6 +46,6 @@ class Search:
 class SearchPhase(Protocol):
     """A part of a search."""
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Improve the incumbent; yield wherever the search may end."""
         ...

@@ -24,7 +24,7 @@ class Bends(NamedTuple):
     offsets: NDArray[np.int64]  # (m + 1,) of each unit; printing ones have none
 
 
-class Rows(NamedTuple):
+class RoutedUnits(NamedTuple):
     """Units of the joint plan, see decmcts.team.engine.order.UnitOrder."""
 
     kind: NDArray[np.int8]  # (m,)
@@ -36,7 +36,7 @@ class Rows(NamedTuple):
 
 @kernel
 def deposit_until(
-    s: int, first: int, last: int, units: Rows, beads: Centrelines, field: HeightField
+    s: int, first: int, last: int, units: RoutedUnits, beads: Centrelines, field: HeightField
 ) -> None:
     """Add what head s prints in its units first..last - 1 to the field, in place."""
     for k in range(first, last):
@@ -48,7 +48,7 @@ def deposit_until(
 @kernel
 def travel_levels(
     r: int,
-    units: Rows,
+    units: RoutedUnits,
     starts: NDArray[np.float64],
     goals: NDArray[np.float64],
     bends: Bends,

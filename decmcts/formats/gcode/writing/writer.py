@@ -68,7 +68,7 @@ def write_gcode(
     _check_once(job, actions, document)
     emitter = Emitter(document, job.settings, walls_for(job))
     beads = BeadRows.of(document, job)
-    progress = Progress(document, actions)
+    progress = ProgressWriter(document, actions)
     preamble = progress.above(document.preamble)
     emitter.verbatim(with_header(preamble, header_lines, document.newline))
     emitter.use(document.start.tool)
@@ -299,7 +299,7 @@ def _stands_alone(document: GcodeDocument, arc: int, first: int, last: int) -> b
     return bool(document.arcs.partible[arc]) or not inside.any()
 
 
-class Progress:
+class ProgressWriter:
     """Writes M73 anew from the plan's own times, where the source had any."""
 
     def __init__(self, document: GcodeDocument, actions: HeadActions) -> None:
