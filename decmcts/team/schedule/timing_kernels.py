@@ -16,7 +16,7 @@ from decmcts.compiled import kernel
 EXTRA = 6  # moves a travel may need beside its path
 
 
-class Segments(NamedTuple):
+class ContourSegments(NamedTuple):
     """The contours' segments in their traversal, by the point each ends at."""
 
     offsets: NDArray[np.int64]  # (n + 1,)
@@ -72,7 +72,7 @@ def add_move(
 @kernel
 def add_print(
     path: NDArray[np.float64], contour: int, is_reversed: bool, action: int,
-    segments: Segments, moves: WrittenMoves,
+    segments: ContourSegments, moves: WrittenMoves,
 ) -> None:  # fmt: skip
     """Append the segments of a contour in its traversal (mutates moves)."""
     first = segments.offsets[contour] + 1
@@ -128,7 +128,7 @@ def add_travel(
 @kernel
 def write_moves(
     path: NDArray[np.float64], offsets: NDArray[np.int64], contour: NDArray[np.int32],
-    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: Segments,
+    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: ContourSegments,
     habits: NDArray[np.float64], of: NDArray[np.int64],
 ) -> WrittenMoves:  # fmt: skip
     """Return the moves of a head's actions; `contour` is -1 where an action prints nothing.
