@@ -28,7 +28,7 @@ from agents.messages.digests import apart
 from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS
 from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
-from agents.planners.planner import Planner
+from agents.planners.planner import AgentPlanner
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 from decmcts.leaving import leave
@@ -40,11 +40,11 @@ WAIT_S = 60.0
 """An agent without a launcher begins to plan after so long although heads are missing."""
 
 
-MakePlanner = Callable[[argparse.Namespace], Planner]
+MakePlanner = Callable[[argparse.Namespace], AgentPlanner]
 
 
 def run(
-    planner: Planner, given: argparse.Namespace, pipe: PipeFront | None = None
+    planner: AgentPlanner, given: argparse.Namespace, pipe: PipeFront | None = None
 ) -> Release | None:
     """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released."""
     front = (pipe or PipeFront()) if given.controlled else TerminalFront()
@@ -181,12 +181,12 @@ def _meeting_by_hand(given: argparse.Namespace) -> Meeting | None:
     return Meeting(given.addresses, secret_of(given.secret))
 
 
-def _team_planner(given: argparse.Namespace) -> Planner:
+def _team_planner(given: argparse.Namespace) -> AgentPlanner:
     # Imported here: the computing rooms take a second to load, which tests of
     # the processes with a planner of their own need not wait for.
     from agents.planners.pack import read_pack
     from agents.planners.source import load_source
-    from agents.planners.team_planner import TeamPlanner
+    from agents.planners.team_planner import DecMctsPlanner
 
     if given.pack is not None:
         pack = read_pack(given.pack)
@@ -199,7 +199,7 @@ def _team_planner(given: argparse.Namespace) -> Planner:
     if not 0 <= given.head < len(pack.machine.heads):
         last = len(pack.machine.heads) - 1
         raise InputError(f"--head {given.head}, but {pack.machine.name} has heads 0..{last}")
-    return TeamPlanner.of_pack(pack, given.head, seed=given.seed)
+    return DecMctsPlanner.of_pack(pack, given.head, seed=given.seed)
 
 
 def _require_problem(digest: str, expected: str) -> None:

@@ -32,7 +32,7 @@ from agents.networks.transport import NoNetwork, Packet, Transport
 from agents.networks.zenoh_transport import ZenohTransport
 from agents.running.carrier import Carrier, NumberedPlan
 from agents.running.clock import PrintClock
-from agents.running.port import ALIVE_S, SILENT_S, Pipe, Ready, Release, pack, write_all
+from agents.running.port import ALIVE_S, SILENT_S, Pipe, Ready, ReleaseActions, pack, write_all
 from agents.running.report import KIND, Reached, unpack_report
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
@@ -145,7 +145,7 @@ class Runner:
         asked = b"".join(map(pack, commands))
         state = (carrier.number, carrier.held, carrier.reached, carrier.off, carrier.released)
         changed = state != self.last
-        asks = any(not isinstance(command, Release) for command in commands)
+        asks = any(not isinstance(command, ReleaseActions) for command in commands)
         if changed or asks or now - self.wrote_at >= ALIVE_S:
             self.wrote_at = now
             write_all(self.to, asked)

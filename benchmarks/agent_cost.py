@@ -27,7 +27,7 @@ import agents.networks.zenoh_transport  # noqa: F401 - an agent has it loaded
 from agents.messages.codec import encode as packed
 from agents.messages.kinds import Beat, Envelope, Message
 from agents.planners.pack import read_pack
-from agents.planners.team_planner import TeamPlanner
+from agents.planners.team_planner import DecMctsPlanner
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters
 from decmcts.team.dec_mcts.rounds import plan_in_turn
@@ -78,7 +78,7 @@ def of_round(problem: TeamProblem, seed: int) -> Figures:
     """Return seconds and bytes of an agent whose policies are tried: tree, updates, polishing."""
     heads = tuple(range(len(problem.machine.heads)))
     usual = Parameters.for_contours(len(problem.macro))
-    planner = TeamPlanner(
+    planner = DecMctsPlanner(
         problem, 0, seed=seed, parameters=replace(usual, tries=max(1, len(heads)))
     )
     compile_rounds()

@@ -36,7 +36,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.dec_mcts.parameters import changed
-from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
+from decmcts.team.dec_mcts.planner import BestJointPlan, DecMcts, Parameters
 from decmcts.team.dec_mcts.rounds import plan_once
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.problem import TeamProblem
@@ -172,7 +172,7 @@ def by_variant(
     for agent in team:
         agent.best(heads)
     began, turns = time.process_time(), 0
-    best: Proposal | None = None
+    best: BestJointPlan | None = None
     history: list[tuple[float, float]] = []
     entropy: list[tuple[float, float]] = []
     while (spent_s := time.process_time() - began) < cpu_s or best is None:
@@ -198,10 +198,10 @@ def one_turn(
     team: list[DecMcts],
     live: list[int],
     spent: float,
-    best: Proposal | None,
+    best: BestJointPlan | None,
     *,
     messages: bool,
-) -> Proposal:
+) -> BestJointPlan:
     """Let a head take a turn, as in `plan_in_turn`; return the best joint plan so far."""
     if messages:
         return plan_once(agent, team, spent, best)

@@ -40,9 +40,9 @@ from sim.replay.contacts import (
     source_meetings,
 )
 from sim.replay.execution import (
-    Meeting,
+    HeadConflict,
     arrivals_of,
-    meetings,
+    head_conflicts,
     rail_breaks,
     run_trial,
     shared_pieces,
@@ -311,8 +311,8 @@ def check_replays(
     seed: int,
 ) -> list[Fault]:
     """Move the heads through nominal, random and adversarial timings and count contacts."""
-    contacts: list[Meeting] = []
-    breaks: list[Meeting] = []
+    contacts: list[HeadConflict] = []
+    breaks: list[HeadConflict] = []
     passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
     for name, factors in timing_factors(legs, trials, seed):
         _, courses = run_trial(document.machine, legs.all_actions, order, passing, factors)
@@ -320,7 +320,7 @@ def check_replays(
         counts.setdefault("makespan_s", ends)
         shared = shared_pieces(courses)
         for pair, pieces in shared.items():
-            contacts += meetings(document.machine, pieces, pair, name, LIMIT)
+            contacts += head_conflicts(document.machine, pieces, pair, name, LIMIT)
         breaks += rail_breaks(document.machine, shared, name)
         counts["replays"] = counts.get("replays", 0) + 1
     counts["contacts"] = len(contacts)
@@ -330,7 +330,7 @@ def check_replays(
     ]
 
 
-def _met(legs: Legs, m: Meeting) -> str:
+def _met(legs: Legs, m: HeadConflict) -> str:
     (r, s), (a, b) = m.heads, m.actions
     return (
         f"replay {m.trial!r} at {m.time_s:.2f} s: {legs.station(r, a)} and "

@@ -50,7 +50,7 @@ from agents.agreeing.ballot import Ballot, Key, key_of
 from agents.agreeing.events import (
     Effect,
     Left,
-    Note,
+    LogNote,
     Phase,
     PlanResolved,
     Propose,
@@ -85,7 +85,7 @@ LONGEST_PAUSE_TICKS = 30
 """No plan is said again later than this: lost words must not hold up a release."""
 
 
-class Agreement:
+class HeadAgreement:
     """One head's side of the agreement; effects go to the end of `out`.
 
     Parameters
@@ -218,7 +218,7 @@ class Agreement:
         if not self._ballot.end_resolving(key, event.digest, event.makespan_s):
             claimed, here = apart(event.claimed, event.digest)
             text = f"plan {claimed} resolves to {here or 'nothing'} here; not taken"
-            self._out.append(Note(text))
+            self._out.append(LogNote(text))
 
     def advance(self) -> None:
         """Go as far as what we know allows."""
@@ -249,7 +249,7 @@ class Agreement:
         elif not self._serial:
             self._serial = True
             text = f"{name} resolves plans to others than we do: serial order proposed"
-            self._out += [Note(text), Propose(self.live, serial=True)]
+            self._out += [LogNote(text), Propose(self.live, serial=True)]
 
     def _climb(self) -> None:
         own = self._own
@@ -305,7 +305,7 @@ class Agreement:
         if self.phase is Phase.RELEASED:
             if self._own is not None and key_of(self._own) != key_of(commit):
                 theirs, ours = apart(commit.digest, self._own.digest)
-                self._out.append(Note(f"a peer released another plan: {theirs}, not {ours}"))
+                self._out.append(LogNote(f"a peer released another plan: {theirs}, not {ours}"))
         elif self.head not in commit.live:
             self._leave_parked("the others released a plan without this head")
         else:

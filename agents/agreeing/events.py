@@ -49,7 +49,7 @@ class PlanResolved:
 
 
 @dataclass(frozen=True, slots=True)
-class Fenced:
+class HeadFenced:
     """Who may say so says: this incarnation of a head is off or parked for good."""
 
     head: int
@@ -78,7 +78,7 @@ Event = (
     | PlanningEnded
     | Proposal  # our planner's answer to `Propose`
     | PlanResolved
-    | Fenced
+    | HeadFenced
     | Tick
     | Leave
 )
@@ -164,7 +164,7 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class LogNote:
     """Something people may want to read in the log."""
 
     text: str
@@ -177,7 +177,7 @@ class Left:
     reason: str
 
 
-Notice = Note | Refused | Unfenced | Release | Left
+Notice = LogNote | Refused | Unfenced | Release | Left
 """Effects that whoever watches an agent is shown."""
 
 Effect = Send | Take | Forget | LiveChanged | RosterComplete | Propose | Resolve | Notice

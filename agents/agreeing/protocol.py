@@ -31,16 +31,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agents.agreeing.agreement import Agreement
+from agents.agreeing.agreement import HeadAgreement
 from agents.agreeing.events import (
     Effect,
     Event,
-    Fenced,
     Forget,
+    HeadFenced,
     Leave,
     Left,
     LiveChanged,
-    Note,
+    LogNote,
     Phase,
     PlanningEnded,
     PlanResolved,
@@ -93,7 +93,7 @@ class Protocol:
         self.head = head
         self._out: list[Effect] = []
         self._roster = Roster(head, names, problem, fenced)
-        self._agreement = Agreement(head, epoch, self._roster, self._out)
+        self._agreement = HeadAgreement(head, epoch, self._roster, self._out)
         self._roster_told = False
 
     @property
@@ -144,7 +144,7 @@ class Protocol:
                 agreement.proposed(event)
             case PlanResolved():
                 agreement.resolved(event)
-            case Fenced(head, epoch):
+            case HeadFenced(head, epoch):
                 self._roster.fence(head, epoch)
             case Tick(within):
                 self._tick(within)
@@ -196,7 +196,7 @@ class Protocol:
     def _hear_goodbye(self, head: int, epoch: int, goodbye: Goodbye) -> None:
         # Who takes leave without a release stays parked by its own word, which
         # is a fence. Who released prints on: it is gone but not off.
-        self._out.append(Note(f"{self._roster.names[head]} left: {goodbye.reason}"))
+        self._out.append(LogNote(f"{self._roster.names[head]} left: {goodbye.reason}"))
         if goodbye.digest:
             self._agreement.hear_release(goodbye.digest)
         else:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agents.agreeing.events import Effect, Note, Refused, Send
+from agents.agreeing.events import Effect, LogNote, Refused, Send
 from agents.messages.digests import apart
 from agents.messages.kinds import SILENCE_TICKS, VERSION, Hello, Message
 
@@ -80,7 +80,7 @@ class Roster:
         self._tokens[head].remove(epoch)
         was = self.greeted.get(head)
         out = self._look_again(head)
-        return [Note(f"{self.names[head]} is gone"), *out] if was == epoch else out
+        return [LogNote(f"{self.names[head]} is gone"), *out] if was == epoch else out
 
     def _look_again(self, head: int) -> list[Effect]:
         """Drop what is known of another incarnation than the present one, greet that."""
@@ -121,7 +121,7 @@ class Roster:
             self._promised[head] = SILENCE_TICKS
             self._refused.pop(head, None)
             self.fenced.discard(head)  # whoever speaks is not off
-            out.append(Note(f"{self.names[head]} is here"))
+            out.append(LogNote(f"{self.names[head]} is here"))
         return out
 
     def refuse(self, head: int, reason: str) -> list[Effect]:
@@ -161,7 +161,7 @@ class Roster:
             if self._silent[head] > self._promised[head]:
                 # Its token only says that its network lives; what plans may be stuck.
                 del self.greeted[head]
-                out.append(Note(f"{self.names[head]} is silent"))
+                out.append(LogNote(f"{self.names[head]} is silent"))
         present = {head for head in self._tokens if self.present(head) is not None}
         unheard = present - self.greeted.keys() - self._refused.keys()
         return [*out, self._hello(wants_answer=True)] if unheard else out

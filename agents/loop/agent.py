@@ -19,7 +19,7 @@ from agents.agreeing.events import (
     Forget,
     Leave,
     LiveChanged,
-    Note,
+    LogNote,
     Notice,
     Phase,
     PlanningEnded,
@@ -48,7 +48,7 @@ from agents.messages.kinds import (
     Presence,
 )
 from agents.networks.transport import MALFORMED, Packet, Traffic, Transport
-from agents.planners.planner import Planner
+from agents.planners.planner import AgentPlanner
 from decmcts.errors import InputError
 
 TICK_S = 0.1
@@ -65,7 +65,7 @@ WAIT_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class AgentProgress:
     """Where an agent stands."""
 
     phase: str
@@ -91,7 +91,7 @@ class FrontEnd(Interface):
     def commands(self) -> list[Event | Meet]:
         """Return what was asked since the last call."""
 
-    def progress(self, progress: Progress, traffic: Traffic) -> None:
+    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Show where the agent stands."""
 
     def tell(self, effect: Notice) -> None:
@@ -105,7 +105,7 @@ class Agent:
     ----------
     head, epoch : int
         Who we are and which incarnation.
-    planner, transport, front : Planner, Transport, FrontEnd
+    planner, transport, front : AgentPlanner, Transport, FrontEnd
         What it works with; the transport is open.
     time_limit_s : float
         Planning time, counted from when every head is there.
@@ -125,7 +125,7 @@ class Agent:
         head: int,
         epoch: int,
         *,
-        planner: Planner,
+        planner: AgentPlanner,
         transport: Transport,
         front: FrontEnd,
         time_limit_s: float,
@@ -229,7 +229,7 @@ class Agent:
         # The live heads cannot print everything. Nothing to do but wait for the
         # others to come back, or for the launcher to give up.
         self._stuck = True
-        self._front.tell(Note(str(error)))
+        self._front.tell(LogNote(str(error)))
 
     def _keep_time(self) -> None:
         now = self._clock()
@@ -252,7 +252,7 @@ class Agent:
     def show(self) -> None:
         """Report progress to the front end."""
         now = self._clock()
-        progress = Progress(
+        progress = AgentProgress(
             self.protocol.phase.value,
             self._live,
             self.rounds,
@@ -293,7 +293,7 @@ class Agent:
         """Count a message that is dropped; log the first of each reason."""
         self.traffic.dropped[reason] += 1
         if self.traffic.dropped[reason] == 1:
-            self._front.tell(Note(f"dropped: {reason} {detail}".rstrip()))
+            self._front.tell(LogNote(f"dropped: {reason} {detail}".rstrip()))
 
     def _feed(self, event: Event) -> None:
         self._perform(self.protocol.handle(event))

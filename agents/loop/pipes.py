@@ -25,24 +25,24 @@ from typing import Any
 
 from agents.agreeing.events import (
     Event,
-    Fenced,
+    HeadFenced,
     Leave,
     Left,
-    Note,
+    LogNote,
     Notice,
     PlanningEnded,
     Refused,
     Release,
     Unfenced,
 )
-from agents.loop.agent import Meet, Progress
+from agents.loop.agent import AgentProgress, Meet
 from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 
 _NAMES: dict[type[Notice], str] = {
-    Note: "note", Refused: "refused", Unfenced: "unfenced", Release: "released", Left: "left",
+    LogNote: "note", Refused: "refused", Unfenced: "unfenced", Release: "released", Left: "left",
 }  # fmt: skip
 _MAX_LINE = 65536
 _WATCH_MS = 100
@@ -154,7 +154,7 @@ class PipeFront:
         self._is_ready.set()
         self.write({"event": "ready", "problem": problem})
 
-    def progress(self, progress: Progress, traffic: Traffic) -> None:
+    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Say where the agent stands."""
         self.write({"event": "progress", **asdict(progress), "traffic": traffic.counts()})
 
@@ -193,13 +193,13 @@ class TerminalFront:
         """Say that the agent is up."""
         print(f"problem {problem[:12]} loaded", file=sys.stderr)
 
-    def progress(self, progress: Progress, traffic: Traffic) -> None:
+    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Say nothing: the notes and the result are enough for a log."""
 
     def tell(self, effect: Notice) -> None:
         """Print one line."""
         match effect:
-            case Note(text):
+            case LogNote(text):
                 line = text
             case Refused(_, reason):
                 line = f"refused: {reason}"
@@ -241,7 +241,7 @@ def parse_command(line: bytes) -> Event | Meet | None:
         asked = json.loads(line)
         match asked:
             case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
-                return Fenced(head, epoch)
+                return HeadFenced(head, epoch)
             case {"command": "meet", "places": [*places]}:
                 return Meet(checked_places(places))
             case {"command": "stop"}:

@@ -1,6 +1,6 @@
 """What an agent needs of a planner, and the team's planner behind that face.
 
-The agent loop (`agents.loop.agent`) sees only `Planner`; the computing is
+The agent loop (`agents.loop.agent`) sees only `AgentPlanner`; the computing is
 `decmcts.team`'s. Tests put a small planner of their own behind the same face.
 """
 
@@ -12,7 +12,7 @@ from typing import Protocol
 from agents.messages.kinds import Distribution, Joint, Plans, Proposal
 
 
-class Planner(Protocol):
+class AgentPlanner(Protocol):
     """One head's planner.
 
     `take`, `offer` and `resolve` raise `MessageError` for sequences that name work

@@ -1,4 +1,4 @@
-"""`decmcts.team` behind the agents' `Planner` face."""
+"""`decmcts.team` behind the agents' `AgentPlanner` face."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _most_of_a_plan(problem: TeamProblem) -> int:
     return max(problem.n_macros, 0 if start is None else 3 * start.n_macros)
 
 
-class TeamPlanner:
+class DecMctsPlanner:
     """One head's Dec-MCTS search and the shared `resolve`."""
 
     def __init__(
@@ -37,12 +37,12 @@ class TeamPlanner:
         self._search = DecMcts(problem, head, seed=seed, parameters=parameters)
 
     @staticmethod
-    def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:
+    def of_pack(pack: Pack, head: int, *, seed: int) -> DecMctsPlanner:
         """Build the problem of a pack and a planner for one head of it."""
         problem = build_team_problem(pack.job, pack.machine, pack.graph, pack.lags, pack.start)
         usual = Parameters.for_contours(len(problem.macro))
         parameters = changed(usual, pack.options.get(TEAM, {}))
-        planner = TeamPlanner(problem, head, seed=seed, parameters=parameters)
+        planner = DecMctsPlanner(problem, head, seed=seed, parameters=parameters)
         compile_rounds()  # before the clock runs
         planner.best(range(len(planner.names)))
         return planner

@@ -26,7 +26,7 @@ from agents.running.port import (
     Command,
     Pause,
     Ready,
-    Release,
+    ReleaseActions,
     Resume,
     Start,
     Statement,
@@ -172,7 +172,7 @@ class Carrier:
         if self.number >= 0:
             if self.number in self.plans and not self.off:
                 self._release(now_s)
-            found.append(Release(self.number, self.released))
+            found.append(ReleaseActions(self.number, self.released))
         return found
 
     def report(self) -> Report:

@@ -56,7 +56,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True)
-class Release:
+class ReleaseActions:
     """Actions below `until` of plan `number` may be carried out."""
 
     number: int
@@ -87,10 +87,10 @@ class Finish:
     why: str
 
 
-Command = Start | Release | Pause | Resume | Abort | Finish
+Command = Start | ReleaseActions | Pause | Resume | Abort | Finish
 Statement = PrintEvent | Ready | Alive
 _COMMANDS: dict[str, type[Command]] = {
-    "start": Start, "release": Release, "pause": Pause, "resume": Resume, "abort": Abort,
+    "start": Start, "release": ReleaseActions, "pause": Pause, "resume": Resume, "abort": Abort,
     "finish": Finish,
 }  # fmt: skip
 _STATED: dict[str, type[Ready | Alive]] = {"ready": Ready, "alive": Alive}

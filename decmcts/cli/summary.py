@@ -30,7 +30,7 @@ PAPERS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class FigureRow:
     """One figure before and after, as it is shown."""
 
     label: str
@@ -58,7 +58,7 @@ def summary_of(before: Metrics, after: Metrics) -> dict[str, dict[str, float]]:
     return rows
 
 
-def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[Row]:
+def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[FigureRow]:
     """Return what is shown of a result against its source.
 
     The print time is the whole file's, where one was written; `verbose` tells the part of it
@@ -74,8 +74,10 @@ def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[R
     return [_row(label, key, *figures[key]) for key, label in told.items() if key in figures]
 
 
-def _row(label: str, key: str, was: float, now: float) -> Row:
-    return Row(label, shown(key, was), shown(key, now), "" if key in COUNTS else change(was, now))
+def _row(label: str, key: str, was: float, now: float) -> FigureRow:
+    return FigureRow(
+        label, shown(key, was), shown(key, now), "" if key in COUNTS else change(was, now)
+    )
 
 
 def gain_table(before: Metrics, after: Metrics, *, verbose: bool = False) -> Table:

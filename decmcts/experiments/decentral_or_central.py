@@ -13,7 +13,7 @@ from functools import partial
 
 from matplotlib.figure import Figure
 
-from agents.planners.team_planner import TeamPlanner
+from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.baselines import annealing, one_tree
 from decmcts.experiments.in_memory import agreed, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
@@ -38,7 +38,7 @@ NETWORKS = ((0.0, 0.0), (0.2, 0.5), (0.5, 1.0))  # loss, delay at most in s
 DECENTRAL, CENTRAL = "decentral", "central"
 
 
-class Central(TeamPlanner):
+class Central(DecMctsPlanner):
     """Plans for all heads, in the processor time of all."""
 
     def __init__(self, problem: TeamProblem, head: int, *, seed: int) -> None:
@@ -51,7 +51,7 @@ class Central(TeamPlanner):
             super().iterate(live, spent)
 
 
-class Follower(TeamPlanner):
+class Follower(DecMctsPlanner):
     """Plans nothing: it takes what it is offered."""
 
     def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
@@ -83,9 +83,9 @@ def _run(key: Key) -> Row:
     }  # fmt: skip
 
 
-def _planners(problem: TeamProblem, key: Key) -> Callable[[int], TeamPlanner]:
+def _planners(problem: TeamProblem, key: Key) -> Callable[[int], DecMctsPlanner]:
     """Return what makes the planner of each head."""
-    made = partial(TeamPlanner, problem, seed=int(key["seed"]))
+    made = partial(DecMctsPlanner, problem, seed=int(key["seed"]))
     if key["planner"] == DECENTRAL:
         return made
     central = partial(Central, problem, seed=int(key["seed"]))

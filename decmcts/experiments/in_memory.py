@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from agents.agreeing.events import Release
 from agents.networks.memory import Weather
-from agents.planners.planner import Planner
+from agents.planners.planner import AgentPlanner
 from agents.planners.serial import joint_order
 from decmcts.errors import VerificationError
 from decmcts.experiments.kinds import Key
@@ -41,7 +41,7 @@ def weather_of(loss: float, delay_s: float) -> Weather:
 
 
 def agreed(
-    what: Given, weather: Weather, planner_of: Callable[[int], Planner], key: Key,
+    what: Given, weather: Weather, planner_of: Callable[[int], AgentPlanner], key: Key,
     disturb: Callable[[MemoryTeam], None] = lambda _team: None,
 ) -> Agreed:  # fmt: skip
     """Let agents plan and agree; a round takes 0.02 simulated seconds.

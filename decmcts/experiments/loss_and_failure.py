@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.agreeing.events import Fenced
+from agents.agreeing.events import HeadFenced
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
-from agents.planners.team_planner import TeamPlanner
+from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.in_memory import Agreed, agreed, rounds_of, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
 from decmcts.experiments.pictures import boxes, figure
@@ -97,7 +97,7 @@ def _run(key: Key) -> Row:
 def _planning(what: Given, key: Key) -> Row:
     """Let agents agree while messages are lost and one of them dies."""
     compile_rounds()
-    planner_of = partial(TeamPlanner, what.team, seed=int(key["seed"]))
+    planner_of = partial(DecMctsPlanner, what.team, seed=int(key["seed"]))
     at_s = float(key["moment"]) * rounds_of(key) * STEP_S
     done = list[str]()
 
@@ -109,7 +109,7 @@ def _planning(what: Given, key: Key) -> Row:
             team.kill(VICTIM)
             team.add(VICTIM, epoch=2)
             for head in range(1, int(key["heads"])):
-                team.fronts[head].asked.append(Fenced(VICTIM, 1))
+                team.fronts[head].asked.append(HeadFenced(VICTIM, 1))
         else:
             team.fence(VICTIM)
 

@@ -60,7 +60,7 @@ WAYS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Stopped:
+class StoppedPrint:
     """A print that is carried out no further by its plan."""
 
     document: PlanDocument
@@ -103,7 +103,9 @@ def _run(key: Key) -> Row:
     }  # fmt: skip
 
 
-def _ways(what: Given, stopped: Stopped, key: Key) -> dict[str, Callable[[], tuple[Toolpath, ...]]]:
+def _ways(
+    what: Given, stopped: StoppedPrint, key: Key
+) -> dict[str, Callable[[], tuple[Toolpath, ...]]]:
     """Return what plans the rest, by name, after each has run once: kernels are loaded then."""
     seed, budget = int(key["seed"]), Budget(stopping_of(key))
     first, once = Budget(Stopping(iterations=TUNED)), Budget(Stopping(iterations=1))
@@ -139,7 +141,7 @@ def _begun(
     return what, exact(what, found.toolpaths), StatedOrder.of(found.toolpaths)
 
 
-def _stopped(key: Key) -> Stopped:
+def _stopped(key: Key) -> StoppedPrint:
     """Carry a plan out up to the moment, and return what is left of it."""
     folder = key["folder"] if is_own(key) else ""
     what, document, old = _begun(key["print"], folder, int(key["heads"]), int(key["seed"]))
@@ -158,10 +160,10 @@ def _stopped(key: Key) -> Stopped:
         LeftBeads.FINISH, slower={victim.name: slower},
     )  # fmt: skip
     end_s = max(head.end_s for head in run.heads)
-    return Stopped(document, old, state, rest, at_s, 0.0 if is_fenced else end_s)
+    return StoppedPrint(document, old, state, rest, at_s, 0.0 if is_fenced else end_s)
 
 
-def _old(stopped: Stopped, team: TeamProblem) -> Old:
+def _old(stopped: StoppedPrint, team: TeamProblem) -> Old:
     """Return the old order for those that print the rest."""
     rest, names = stopped.rest, list(team.head_names)
     is_open = ~stopped.state.done

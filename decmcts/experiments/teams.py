@@ -31,7 +31,7 @@ from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.incumbent import Budget, Found, Incumbent
+from decmcts.team.incumbent import Budget, Found, JointIncumbent
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
@@ -78,7 +78,7 @@ def given_by(problem: PrintProblem, cut: Cut = Cut.NONE) -> Given:
 def in_one_process(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     """Return what all heads' Dec-MCTS find in turn; its iterations are rounds."""
     heads = range(len(problem.machine.heads))
-    best = Incumbent(budget, len(heads))
+    best = JointIncumbent(budget, len(heads))
     proposal = plan_in_turn(problem, stopping=budget.stopping, seed=seed, clock=budget.clock)
     found = resolve(problem, proposal.plans, heads)
     best.offer_toolpaths(found.toolpaths, found.makespan_s)

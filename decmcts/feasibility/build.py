@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.feasibility.clearance_kernels import Beads, PackedHead
+from decmcts.feasibility.clearance_kernels import Centrelines, PackedHead
 from decmcts.feasibility.closure_kernels import (
     NO_EDGE,
     WORD,
@@ -102,7 +102,7 @@ def closure_of(graph: DependencyGraph) -> NDArray[np.uint64]:
 def _build(
     contours: Contours,
     heads: Sequence[Head],
-    beads: Beads,
+    beads: Centrelines,
     touching: NDArray[np.uint8],
     rows_bytes: int,
 ) -> DependencyGraph:
@@ -125,7 +125,7 @@ def _build(
 
 
 def _walk(
-    beads: Beads, rules: ClosureRules, words: Words, head: PackedHead, rows_bytes: int
+    beads: Centrelines, rules: ClosureRules, words: Words, head: PackedHead, rows_bytes: int
 ) -> Edges:
     n, n_words = len(beads.radius), len(words.boxes)
     edges = Edges(

@@ -31,7 +31,7 @@ class PackedHead(NamedTuple):
     boxes: NDArray[np.float64]  # (m, 4) xmin, ymin, xmax, ymax
 
 
-class Beads(NamedTuple):
+class Centrelines(NamedTuple):
     """Contours as the kernels see them. Boxes are xmin, ymin, xmax, ymax, zmin, zmax."""
 
     points: NDArray[np.float64]  # (n_points, 3)
@@ -248,7 +248,7 @@ def segment_reaches(
 
 @kernel
 def chunk_blocks(
-    beads: Beads,
+    beads: Centrelines,
     b: int,
     chunk_b: int,
     a: int,
@@ -298,7 +298,7 @@ def chunk_blocks(
 
 @kernel
 def polygon_blocks(
-    beads: Beads, b: int, a: int, head: PackedHead, k: int, quad: NDArray[np.float64]
+    beads: Centrelines, b: int, a: int, head: PackedHead, k: int, quad: NDArray[np.float64]
 ) -> bool:
     """Tell whether contour b's bead blocks polygon k anywhere on contour a."""
     r = beads.radius[b]
@@ -315,7 +315,7 @@ def polygon_blocks(
 
 @kernel
 def blocking_polygon(
-    beads: Beads, b: int, a: int, head: PackedHead, quad: NDArray[np.float64]
+    beads: Centrelines, b: int, a: int, head: PackedHead, quad: NDArray[np.float64]
 ) -> int:
     """Return the first polygon of the head that b's bead blocks somewhere on a, or -1."""
     for k in range(len(head.heights)):

@@ -20,7 +20,7 @@ from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import (
     CHUNK,
     Z_EPS,
-    Beads,
+    Centrelines,
     PackedHead,
     blocking_polygon,
     box_points,
@@ -77,7 +77,7 @@ class Scratch(NamedTuple):
 
 
 @kernel
-def bound_words(beads: Beads, layer: NDArray[np.int32], words: Words) -> None:
+def bound_words(beads: Centrelines, layer: NDArray[np.int32], words: Words) -> None:
     """Write into `words` the bounds of each run of 64 contours."""
     n = len(beads.radius)
     for w in range(len(words.boxes)):
@@ -121,7 +121,9 @@ def boxes_near(
 
 
 @kernel
-def chunks_touch(beads: Beads, a: int, chunk_a: int, b: int, chunk_b: int, gap: float) -> bool:
+def chunks_touch(
+    beads: Centrelines, a: int, chunk_a: int, b: int, chunk_b: int, gap: float
+) -> bool:
     """Tell whether segments of two chunks come within `gap`."""
     i_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
     j_first = beads.offsets[b] + (chunk_b - beads.chunk_offsets[b]) * CHUNK
@@ -133,7 +135,7 @@ def chunks_touch(beads: Beads, a: int, chunk_a: int, b: int, chunk_b: int, gap: 
 
 
 @kernel
-def touches(beads: Beads, a: int, b: int, gap: float) -> bool:
+def touches(beads: Centrelines, a: int, b: int, gap: float) -> bool:
     """Tell whether the centrelines of two contours come within `gap` in XY."""
     if not boxes_near(beads.boxes, a, beads.boxes, b, gap):
         return False
@@ -150,7 +152,12 @@ def touches(beads: Beads, a: int, b: int, gap: float) -> bool:
 
 @kernel
 def required(
-    beads: Beads, rules: ClosureRules, head: PackedHead, a: int, b: int, quad: NDArray[np.float64]
+    beads: Centrelines,
+    rules: ClosureRules,
+    head: PackedHead,
+    a: int,
+    b: int,
+    quad: NDArray[np.float64],
 ) -> int:
     """Return the kind of the edge (a, b), the least negotiable if several, or 0."""
     if rules.epoch[a] < rules.epoch[b]:
@@ -166,7 +173,7 @@ def required(
 
 
 @kernel
-def fill_reach(beads: Beads, head: PackedHead, b: int, reach: NDArray[np.float64]) -> None:
+def fill_reach(beads: Centrelines, head: PackedHead, b: int, reach: NDArray[np.float64]) -> None:
     """Write where, by boxes, bead b may block each polygon: xmin, ymin, xmax, ymax, zmax."""
     r = beads.radius[b]
     for k in range(len(head.heights)):
@@ -294,7 +301,7 @@ def walk_contour(
     rows: NDArray[np.uint64],
     first: int,
     b: int,
-    beads: Beads,
+    beads: Centrelines,
     rules: ClosureRules,
     words: Words,
     head: PackedHead,
@@ -335,7 +342,7 @@ def walk_contour(
 def walk_columns(
     rows: NDArray[np.uint64],
     first: int,
-    beads: Beads,
+    beads: Centrelines,
     rules: ClosureRules,
     words: Words,
     head: PackedHead,

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.feasibility import contacts_kernels as kernels
-from decmcts.feasibility.clearance_kernels import Beads, PackedHead
+from decmcts.feasibility.clearance_kernels import Centrelines, PackedHead
 from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words, bound_words
 from decmcts.feasibility.packed_head import pack_contours, pack_heads
 from decmcts.print.contours import Contours, Role
@@ -94,17 +94,17 @@ def contacts_of(contours: Contours, machine: Machine) -> Contacts:
     return find_contacts(contours, beads, machine.heads)
 
 
-def find_contacts(contours: Contours, beads: Beads, heads: Sequence[Head]) -> Contacts:
+def find_contacts(contours: Contours, beads: Centrelines, heads: Sequence[Head]) -> Contacts:
     """Return the contacts as `contacts_of`, of packed beads."""
     n = len(contours)
     if n == 0:
         return NO_CONTACTS
     head, words = pack_heads(heads), words_of(contours, beads)
-    empty = kernels.Contacts(
+    empty = kernels.ContactList(
         np.empty((FIRST, 2), np.int32), np.empty(FIRST), np.empty(FIRST, np.bool_),
         np.zeros(1, np.int64),
     )  # fmt: skip
-    limits = kernels.Limits(
+    limits = kernels.DepthLimits(
         contours.height + ROUNDING_MM, contours.layer, nozzle_mm(heads),
         contours.width + (BESIDE_MM - TOUCH_MM),
     )  # fmt: skip
@@ -123,7 +123,7 @@ def nozzle_mm(heads: Sequence[Head]) -> float:
     return min([NOZZLE_MM, *above])
 
 
-def words_of(contours: Contours, beads: Beads) -> Words:
+def words_of(contours: Contours, beads: Centrelines) -> Words:
     """Return the bounds of each run of 64 contours."""
     count = -(-len(contours) // WORD)
     words = Words(np.empty((count, 6)), np.empty((count, 2), np.int32))

@@ -17,7 +17,7 @@ from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import (
     CHUNK,
     Z_EPS,
-    Beads,
+    Centrelines,
     PackedHead,
     box_reaches,
     segment_blocks,
@@ -26,7 +26,7 @@ from decmcts.feasibility.clearance_kernels import (
 from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words, touches
 
 
-class Contacts(NamedTuple):
+class ContactList(NamedTuple):
     """A growing list of pairs a < b of which a blocks the head at b in the source's order."""
 
     pairs: NDArray[np.int32]  # (capacity, 2)
@@ -35,7 +35,7 @@ class Contacts(NamedTuple):
     used: NDArray[np.int64]  # (1,) how many of the capacity
 
 
-class Limits(NamedTuple):
+class DepthLimits(NamedTuple):
     """How deep a contact may be."""
 
     most: NDArray[np.float64]  # (n,) mm, with this contour's bead
@@ -46,7 +46,7 @@ class Limits(NamedTuple):
 
 @kernel
 def fill_danger(
-    beads: Beads, head: PackedHead, b: int, r: float, danger: NDArray[np.float64]
+    beads: Centrelines, head: PackedHead, b: int, r: float, danger: NDArray[np.float64]
 ) -> None:
     """Write where, by boxes, material may block polygons at b: xmin, ymin, xmax, ymax, zmin."""
     for k in range(len(head.heights)):
@@ -74,7 +74,7 @@ def in_danger(boxes: NDArray[np.float64], i: int, danger: NDArray[np.float64]) -
 
 @kernel
 def contact_depth(
-    beads: Beads, a: int, b: int, head: PackedHead, most: float, quad: NDArray[np.float64]
+    beads: Centrelines, a: int, b: int, head: PackedHead, most: float, quad: NDArray[np.float64]
 ) -> tuple[float, int]:
     """Return how far a's bead stands above the tip where it blocks the head at b, and the polygon.
 
@@ -103,7 +103,7 @@ def contact_depth(
 
 @kernel
 def chunk_depth(
-    beads: Beads, a: int, chunk_a: int, b: int, chunk_b: int, head: PackedHead, k: int,
+    beads: Centrelines, a: int, chunk_a: int, b: int, chunk_b: int, head: PackedHead, k: int,
     depth: float, quad: NDArray[np.float64],
 ) -> float:  # fmt: skip
     """Return the greatest depth at which a chunk of a's bead blocks polygon k on a chunk of b.
@@ -128,8 +128,8 @@ def chunk_depth(
 
 @kernel
 def source_contacts(
-    beads: Beads, words: Words, head: PackedHead, limits: Limits, found: Contacts
-) -> tuple[Contacts, int, int, int]:
+    beads: Centrelines, words: Words, head: PackedHead, limits: DepthLimits, found: ContactList
+) -> tuple[ContactList, int, int, int]:
     """Find all pairs a < b of which a blocks the head at b, and how deep.
 
     Returns them with (a, b, polygon) of the first pair deeper than its limit, which ends the
@@ -159,14 +159,14 @@ def source_contacts(
 
 
 @kernel
-def add_contact(found: Contacts, a: int, b: int, depth: float, beside: bool) -> Contacts:
+def add_contact(found: ContactList, a: int, b: int, depth: float, beside: bool) -> ContactList:
     """Add a pair, in place where there is room; returns the list, twice as long where not."""
     at = found.used[0]
     if at == len(found.depth):
         pairs, depths = np.empty((2 * at, 2), np.int32), np.empty(2 * at)
         sides = np.empty(2 * at, np.bool_)
         pairs[:at], depths[:at], sides[:at] = found.pairs, found.depth, found.beside
-        found = Contacts(pairs, depths, sides, found.used)
+        found = ContactList(pairs, depths, sides, found.used)
     found.pairs[at, 0], found.pairs[at, 1] = a, b
     found.depth[at], found.beside[at] = depth, beside
     found.used[0] = at + 1

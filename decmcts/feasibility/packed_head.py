@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.feasibility.clearance_kernels import CHUNK, Beads, PackedHead, fill_boxes
+from decmcts.feasibility.clearance_kernels import CHUNK, Centrelines, PackedHead, fill_boxes
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 
@@ -51,7 +51,9 @@ def pack_heads(heads: Sequence[Head]) -> PackedHead:
     return _pack(kept)
 
 
-def pack_contours(contours: Contours, clearance_mm: float, *, bead_width: bool = True) -> Beads:
+def pack_contours(
+    contours: Contours, clearance_mm: float, *, bead_width: bool = True
+) -> Centrelines:
     """Return contours with their boxes; radius is clearance + half the bead width.
 
     Without `bead_width` material is the centreline (the paper's model), plus a hair
@@ -66,7 +68,7 @@ def pack_contours(contours: Contours, clearance_mm: float, *, bead_width: bool =
     fill_boxes(points, offsets, boxes, chunk_offsets, chunk_boxes)
     half = contours.width / 2 if bead_width else np.full(len(contours), CENTRELINE_MM)
     radius = clearance_mm + half + TOUCH_EPS
-    return Beads(points, offsets, radius, boxes, chunk_offsets, chunk_boxes)
+    return Centrelines(points, offsets, radius, boxes, chunk_offsets, chunk_boxes)
 
 
 def _edges(polygon: NDArray[np.float64]) -> NDArray[np.float64]:

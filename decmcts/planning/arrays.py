@@ -81,7 +81,7 @@ def from_arrays(
     2
     """
     # here, so that only who needs it waits for trimesh to load
-    from decmcts.formats.mesh.gcode_text import Laid, gcode_lines
+    from decmcts.formats.mesh.gcode_text import PlacedBead, gcode_lines
 
     printer = load_machine(machine) if isinstance(machine, str) else machine
     chosen = (options or SliceOptions()).for_machine(printer)
@@ -101,7 +101,7 @@ def from_arrays(
         _require("extrusion", (stated >= 0.0).all(), "must be at least 0")
         filament = [each[1:] for each in np.split(stated, offsets[1:-1])]
     beads = map(
-        Laid, layers.astype(int), map(Role, roles), paths, filament, feeds, widths, heights
+        PlacedBead, layers.astype(int), map(Role, roles), paths, filament, feeds, widths, heights
     )  # fmt: skip
     folder = SlicedFolder()
     file = folder.path / "arrays.gcode"

@@ -30,7 +30,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Lines:
+class CutLines:
     """Where contours are to be cut."""
 
     axis: int  # 0: at places along X, 1: along Y
@@ -63,7 +63,7 @@ def cut_metrics(pieces: Contours) -> CutMetrics:
 
 
 def cut_job(
-    job: PrintJob, lines: Lines, *, hop_mm: float, hop_feed: float, whole: NDArray[np.bool_],
+    job: PrintJob, lines: CutLines, *, hop_mm: float, hop_feed: float, whole: NDArray[np.bool_],
     grid: Grid,
 ) -> tuple[PrintJob, NDArray[np.int64]]:  # fmt: skip
     """Return the job with its contours cut at lines.
@@ -104,7 +104,7 @@ def cut_job(
 
 
 def _grouped(
-    c: Contours, parts: Stretches, lines: Lines, hop_mm: float
+    c: Contours, parts: Stretches, lines: CutLines, hop_mm: float
 ) -> tuple[Stretches, NDArray[np.bool_]]:
     """Return the stretches in the order of pieces, and which of them begin one."""
     middle = _place(c, parts.contour, (parts.begin + parts.end) / 2.0)[:, lines.axis]
@@ -131,7 +131,7 @@ def _grouped(
 
 
 def _strips_of(
-    lines: Lines, contour: NDArray[np.int32], at: NDArray[np.float64]
+    lines: CutLines, contour: NDArray[np.int32], at: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     """Return between which lines of its contour each place along the axis lies, (k,)."""
     below = np.zeros(len(at), np.int64)

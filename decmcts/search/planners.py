@@ -28,7 +28,7 @@ from decmcts.search.sequence.stopping import Progress, Stopping
 
 
 @dataclass(frozen=True, slots=True)
-class Slicer:
+class SourceOrder:
     """Leaves everything as it was sliced."""
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
@@ -38,7 +38,7 @@ class Slicer:
 
 PLANNERS: Mapping[str, Planner] = MappingProxyType(
     {
-        "slicer": Slicer(),
+        "slicer": SourceOrder(),
         "layerwise": Layerwise(),
         "greedy": Greedy(),
         "local": Local(),

@@ -44,7 +44,7 @@ class Found:
     history: tuple[tuple[float, float], ...]  # seconds and makespan whenever it got better
 
 
-class Incumbent:
+class JointIncumbent:
     """The best joint order so far."""
 
     def __init__(self, budget: Budget, heads: int) -> None:
@@ -97,7 +97,7 @@ class Incumbent:
         return Found(self._toolpaths, self.makespan_s, self.orders, tuple(self._history))
 
 
-class TeamIncumbent(Incumbent):
+class TeamIncumbent(JointIncumbent):
     """The best joint order so far, of a print for several heads.
 
     Parameters

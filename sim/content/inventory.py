@@ -231,7 +231,7 @@ def compare(ours: Segments, source: Segments, match: Ints) -> list[Fault]:
     return faults + _compare_total(ours, source)
 
 
-class Laid(Protocol):
+class Extrusions(Protocol):
     """What lays filament, piece by piece: segments, or arcs."""
 
     @property
@@ -249,7 +249,7 @@ class Laid(Protocol):
         ...
 
 
-def altered(ours: Laid, source: Laid, match: Ints) -> list[Fault]:
+def altered(ours: Extrusions, source: Extrusions, match: Ints) -> list[Fault]:
     """Return what has other filament or another feed than the source's piece it is."""
     pairs = np.flatnonzero(match != NO_MATCH)
     faults: list[Fault] = []

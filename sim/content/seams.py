@@ -41,7 +41,7 @@ class Moved(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ContourRun:
     """What a loop lays down on its way from another vertex."""
 
     points: Floats  # (k, 3)
@@ -50,7 +50,7 @@ class Run:
     rows: Ints  # (k,) point of the source whose segment's state it has
 
 
-def run_of(contours: Contours, moved: Moved) -> Run | str:
+def run_of(contours: Contours, moved: Moved) -> ContourRun | str:
     """Return what a moved contour lays down, or in words why it may not run so."""
     first, last = (int(contours.offsets[moved.contour + k]) - k for k in (0, 1))
     if reason := _forbidden(contours, moved.contour, moved.entry):
@@ -98,7 +98,7 @@ def laid_by(contours: Contours, actions: HeadActions, action: int) -> Laid | str
             return run
     else:
         rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
-        run = Run(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
+        run = ContourRun(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
     return Laid(
         run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], run.rows[1:][::step]
     )
@@ -138,7 +138,9 @@ def _lengths(points: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _filled(contours: Contours, moved: Moved, rows: Ints, path: Floats, share: float) -> Run | str:
+def _filled(
+    contours: Contours, moved: Moved, rows: Ints, path: Floats, share: float
+) -> ContourRun | str:
     """Return the run with its filament: the old gap gets what the new one leaves out."""
     first, last = (int(contours.offsets[moved.contour + k]) - k for k in (0, 1))
     closing = rows == CLOSING
@@ -155,7 +157,7 @@ def _filled(contours: Contours, moved: Moved, rows: Ints, path: Floats, share: f
             return f"would fill its old seam with {rest:.5f} mm of filament instead of {due:.5f}"
         extrusion[closing] = rest
     source[0] = source[1]
-    return Run(path, extrusion, contours.feed[source], source)
+    return ContourRun(path, extrusion, contours.feed[source], source)
 
 
 def _filament_at_end(contours: Contours, first: int, last: int, length: float) -> float:
@@ -205,7 +207,7 @@ def _entered(source: Contours, vertices: cKDTree, path: Floats) -> Moved | None:
     for row in vertices.query_ball_point(path[0], 2 * SAME_MM):
         contour = int(np.searchsorted(source.offsets, row, side="right")) - 1
         moved = Moved(contour, int(row - source.offsets[contour]), path)
-        if isinstance(run_of(source, moved), Run):
+        if isinstance(run_of(source, moved), ContourRun):
             return moved
     return None
 
@@ -223,8 +225,10 @@ def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, Ints]:
     pieces = []
     for c in range(len(contours)):
         run, (a, b) = runs.get(c), offsets[c : c + 2]
-        if not isinstance(run, Run):
-            run = Run(contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows[a:b])
+        if not isinstance(run, ContourRun):
+            run = ContourRun(
+                contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows[a:b]
+            )
         pieces.append(run)
     entered = replace(
         contours,
@@ -257,7 +261,7 @@ def motions_with(source: Motions, contours: Contours, seams: Iterable[Moved]) ->
     for moved in sorted(seams, key=lambda moved: moved.contour):
         run, c = run_of(contours, moved), moved.contour
         moves = by_contour[begin[c] : begin[c + 1]]  # bare ones may lie in between
-        if not isinstance(run, Run) or len(moves) != np.diff(contours.offsets)[c] - 1:
+        if not isinstance(run, ContourRun) or len(moves) != np.diff(contours.offsets)[c] - 1:
             continue
         a, end = int(moves[0]), int(moves[-1]) + 1
         block = [np.arange(at, a), [a], moves[run.rows[1:] - contours.offsets[c] - 1], [end - 1]]
@@ -271,7 +275,7 @@ def motions_with(source: Motions, contours: Contours, seams: Iterable[Moved]) ->
     return _swapped(source, rows, swaps)
 
 
-def _swapped(source: Motions, rows: Ints, swaps: list[tuple[int, Run, Floats]]) -> Motions:
+def _swapped(source: Motions, rows: Ints, swaps: list[tuple[int, ContourRun, Floats]]) -> Motions:
     """Return these moves of a source; from each place on runs with a bare move around them."""
     ends, extrusion = source.points[rows + 1], np.asarray(source.extrusion)[rows]
     contour = np.asarray(source.contour)[rows]

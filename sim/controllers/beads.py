@@ -25,7 +25,7 @@ ROUNDING_MM = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Beads:
+class MoveBeads:
     """Of the moves of one head."""
 
     number: Ints  # (m,) of the contour each prints, in the source's order, or TRAVEL
@@ -40,7 +40,7 @@ class Beads:
 class Material:
     """All that a head may meet."""
 
-    beads: tuple[Beads, ...]  # of each program
+    beads: tuple[MoveBeads, ...]  # of each program
     named: bool  # whether numbers are those of a plan's contours
     before: Contours | None = None  # what stands there from the beginning
 
@@ -56,7 +56,7 @@ def material_of_plan(document: PlanDocument, programs: Sequence[HeadProgram]) ->
         known = np.maximum(number, 0)
         layer = np.where(number >= 0, contours.layer[known], NO_LAYER).astype(np.int64)
         found.append(
-            Beads(
+            MoveBeads(
                 number, layer, contours.height[contour], wide * contours.width[contour],
                 prints & (program.filament > STILL_MM), np.ones(len(number), np.bool_),
             )
@@ -91,10 +91,10 @@ def material_of_files(programs: Sequence[HeadProgram]) -> Material:
     return Material(tuple(_lines(program, height) for program in programs), False)
 
 
-def _lines(program: HeadProgram, height: float) -> Beads:
+def _lines(program: HeadProgram, height: float) -> MoveBeads:
     m = len(program.feed)
     level = np.abs(np.diff(program.points[:, 2])) <= height + ROUNDING_MM
-    return Beads(
+    return MoveBeads(
         np.zeros(m, np.int64), np.full(m, NO_LAYER, np.int64), np.full(m, height), np.zeros(m),
         program.prints & level, program.line >= program.first_layer,
     )  # fmt: skip

@@ -61,7 +61,7 @@ class Shape(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class HeadContact:
     """Two heads nearer than they may be."""
 
     heads: tuple[int, int]
@@ -82,7 +82,7 @@ class Near:
     at: tuple[tuple[float, float, float], tuple[float, float, float]]
     rail_mm: float  # the least of what lies between them on a rail beyond its separation; inf: none
     bins: Floats  # (BINS,) least distance in each span of the time, mm
-    contacts: tuple[Contact, ...]
+    contacts: tuple[HeadContact, ...]
 
 
 def course_of(program: HeadProgram, profile: Profile, error: Error, run: HeadRun) -> Course:
@@ -157,9 +157,9 @@ def rail_rows(machine: Machine, a: Head, b: Head) -> Floats:
     return np.array(separations_between(machine, a, b), np.float64).reshape(-1, 3)
 
 
-def _contact(pair: tuple[int, int], row: Sequence[float]) -> Contact:
+def _contact(pair: tuple[int, int], row: Sequence[float]) -> HeadContact:
     what = "rail" if row[9] else "bodies"
-    return Contact(pair, row[0], row[1] - row[0], row[2], _two(row[3:9]), what)
+    return HeadContact(pair, row[0], row[1] - row[0], row[2], _two(row[3:9]), what)
 
 
 def _two(six: Sequence[float]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -18,10 +18,10 @@ import numpy as np
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from sim.arrays import Floats, Ints
-from sim.controllers.beads import BEFORE, NO_LAYER, Beads, Material
+from sim.controllers.beads import BEFORE, NO_LAYER, Material, MoveBeads
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.nearness import shape_of
-from sim.controllers.print_search import COLUMNS, Moves, Parts, bare, go_through
+from sim.controllers.print_search import COLUMNS, Moves, Prisms, bare, go_through
 from sim.controllers.program import HeadProgram
 from sim.replay.shapes import parts_of
 
@@ -80,7 +80,9 @@ def _moves(
     return _joined(found if material.before is None else [*found, _standing(material.before)])
 
 
-def _moves_of(h: int, program: HeadProgram, run: HeadRun, beads: Beads, begin_s: float) -> Moves:
+def _moves_of(
+    h: int, program: HeadProgram, run: HeadRun, beads: MoveBeads, begin_s: float
+) -> Moves:
     """Return the moves of one head."""
     m = len(program.feed)
     moved = (np.diff(program.points, axis=0) != 0.0).any(axis=1)
@@ -116,14 +118,14 @@ def _joined(every: Sequence[Moves]) -> Moves:
     return Moves(row=row, widest=max(each.widest for each in every), **columns)
 
 
-def _parts(heads: Sequence[Head], clearance_mm: float) -> Parts:
+def _parts(heads: Sequence[Head], clearance_mm: float) -> Prisms:
     shapes = [shape_of(head) for head in heads]
     sizes = [np.diff(shape.offsets) for shape in shapes]
     reach = [
         np.array([clearance_mm if part.slice else 0.0 for part in parts_of(head)]) for head in heads
     ]
     wider = [min([WIDER_MM, *shape.low[shape.low > 0.0].tolist()]) for shape in shapes]
-    return Parts(
+    return Prisms(
         np.cumsum([0, *(len(shape.low) for shape in shapes)]),
         np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64),
         np.concatenate([shape.corners for shape in shapes]),

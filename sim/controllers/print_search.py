@@ -49,14 +49,14 @@ class Moves(NamedTuple):
     end: Floats  # (m,)
     lays: Flags  # (m,)
     looked_at: Flags  # (m,)
-    number: Ints  # (m,) as `Beads`
+    number: Ints  # (m,) as `MoveBeads`
     layer: Ints  # (m,)
     height: Floats  # (m,)
     half: Floats  # (m,)
     widest: float  # of these
 
 
-class Parts(NamedTuple):
+class Prisms(NamedTuple):
     """The prisms of all heads."""
 
     first: Ints  # (heads + 1,) parts of each head
@@ -117,7 +117,7 @@ def _raise(heights: Heights, x: float, y: float, z: float, move: int) -> None:
 
 @compiled
 def go_through(
-    order: Ints, moves: Moves, parts: Parts, heights: Heights, heads: int, found: Floats
+    order: Ints, moves: Moves, parts: Prisms, heights: Heights, heads: int, found: Floats
 ) -> int:
     """Look at moves in order and lay their beads; returns how many contacts are in `found`.
 
@@ -151,7 +151,7 @@ def go_through(
 
 @compiled
 def _look(
-    moves: Moves, i: int, parts: Parts, heights: Heights, stack: Ints, leg: Floats, best: Floats
+    moves: Moves, i: int, parts: Prisms, heights: Heights, stack: Ints, leg: Floats, best: Floats
 ) -> bool:
     """Tell whether the head touches the print in a move, and write how into `best`."""
     h = moves.head[i]
@@ -173,7 +173,7 @@ def _look(
 
 @compiled
 def _highest(
-    moves: Moves, i: int, parts: Parts, k: int, heights: Heights, stack: Ints, leg: Floats
+    moves: Moves, i: int, parts: Prisms, k: int, heights: Heights, stack: Ints, leg: Floats
 ) -> int:
     """Return the cell with the highest bead that part k of the head meets in move i; -1: none."""
     a, b = moves.points[moves.row[i]], moves.points[moves.row[i] + 1]
@@ -196,7 +196,7 @@ def _highest(
 
 @compiled
 def _begin(
-    a: Floats, b: Floats, parts: Parts, k: int, reach: float, heights: Heights, stack: Ints
+    a: Floats, b: Floats, parts: Prisms, k: int, reach: float, heights: Heights, stack: Ints
 ) -> int:
     """Write the few squares in which all that a part may meet lies; return how many."""
     first, last = parts.offsets[k], parts.offsets[k + 1]
@@ -232,7 +232,7 @@ def _parted_in_four(
 
 @compiled
 def _is_near(
-    a: Floats, b: Floats, parts: Parts, k: int, reach: float, heights: Heights, level: int,
+    a: Floats, b: Floats, parts: Prisms, k: int, reach: float, heights: Heights, level: int,
     row: int, column: int, leg: Floats,
 ) -> bool:  # fmt: skip
     """Tell whether a part may come within its reach of a square in a move."""
@@ -244,7 +244,7 @@ def _is_near(
 
 @compiled
 def _gap(
-    a: Floats, b: Floats, low: float, high: float, parts: Parts, k: int, x: float, y: float,
+    a: Floats, b: Floats, low: float, high: float, parts: Prisms, k: int, x: float, y: float,
     leg: Floats,
 ) -> float:  # fmt: skip
     """Return how far a part stays from a point, seen from above, between two shares of a move."""
@@ -256,7 +256,7 @@ def _gap(
 
 @compiled
 def _meets(
-    moves: Moves, i: int, parts: Parts, k: int, heights: Heights, cell: int, leg: Floats
+    moves: Moves, i: int, parts: Prisms, k: int, heights: Heights, cell: int, leg: Floats
 ) -> bool:
     """Tell whether a part meets the highest bead of a cell in a move, not as in the source."""
     a, b = moves.points[moves.row[i]], moves.points[moves.row[i] + 1]
@@ -273,7 +273,7 @@ def _meets(
 
 
 @compiled
-def _reach(moves: Moves, met: int, parts: Parts, k: int) -> float:
+def _reach(moves: Moves, met: int, parts: Prisms, k: int) -> float:
     """Return how near a part may not come to the middle of a bead, seen from above."""
     return float(max(parts.reach[k] + moves.half[met] - GRAZE_MM, 1e-9))
 
@@ -309,7 +309,7 @@ def _as_sliced(moves: Moves, i: int, met: int, over_tip: float, wider: float) ->
 
 @compiled
 def _detail(
-    moves: Moves, i: int, parts: Parts, heights: Heights, leg: Floats, best: Floats
+    moves: Moves, i: int, parts: Prisms, heights: Heights, leg: Floats, best: Floats
 ) -> None:
     """Write when a move is in touch, where its nozzle is then, and where the bead is."""
     a, b = moves.points[moves.row[i]], moves.points[moves.row[i] + 1]
@@ -327,7 +327,7 @@ def _detail(
 
 @compiled
 def _first(
-    a: Floats, b: Floats, low: float, high: float, parts: Parts, k: int, x: float, y: float,
+    a: Floats, b: Floats, low: float, high: float, parts: Prisms, k: int, x: float, y: float,
     reach: float, leg: Floats,
 ) -> float:  # fmt: skip
     """Return the first share of a move at which a part is nearer to a point than its reach.

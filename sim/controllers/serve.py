@@ -32,7 +32,7 @@ from agents.running.port import (
     Pause,
     Pipe,
     Ready,
-    Release,
+    ReleaseActions,
     Resume,
     Start,
     pack,
@@ -102,7 +102,7 @@ class Controller:
                 self._start(number, Path(path))
                 self.heard_at = time.monotonic()  # that took a while
                 self._say(pack(Ready(number, digest)))
-            case Release(number, until) if feeding is not None and number == self.number:
+            case ReleaseActions(number, until) if feeding is not None and number == self.number:
                 feeding.release(until, now_s)
             case Pause():
                 self.paused = True

@@ -19,7 +19,7 @@ from sim.controllers.adversary import adversaries
 from sim.controllers.beads import Material
 from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.motion import QUEUE, Profile, profile_of
-from sim.controllers.nearness import Contact, Near, course_of, nearness, positions
+from sim.controllers.nearness import HeadContact, Near, course_of, nearness, positions
 from sim.controllers.print_contacts import PrintContact, print_contacts
 from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error, Timing, draw, no_error
@@ -27,7 +27,7 @@ from sim.rules.cooling import TooSoon, too_soon_in
 
 
 @dataclass(frozen=True, slots=True)
-class Wait:
+class SimulatedWait:
     """A head that stood for another."""
 
     head: int
@@ -63,7 +63,7 @@ class Trial:
     on_print: tuple[PrintContact, ...] = ()  # of heads with what is printed by then
 
     @property
-    def contacts(self) -> tuple[Contact, ...]:
+    def contacts(self) -> tuple[HeadContact, ...]:
         """Contacts of all pairs of heads."""
         return tuple(contact for near in self.near for contact in near.contacts)
 
@@ -77,7 +77,7 @@ class Simulation:
     run: Run  # without errors of time
     begin_s: float  # when the last head was set up: the print begins
     heads: tuple[HeadFigures, ...]
-    waits: tuple[Wait, ...]
+    waits: tuple[SimulatedWait, ...]
     trials: tuple[Trial, ...]  # the first without errors
 
     __repr__ = brief("makespan_s", "safe", "contacts", "heads")
@@ -250,7 +250,7 @@ def _of_beads(program: HeadProgram, times: Floats, place: int) -> float:
 
 
 def _figures(
-    run: Run, h: int, program: HeadProgram, begin: float, end: float, waits: Sequence[Wait]
+    run: Run, h: int, program: HeadProgram, begin: float, end: float, waits: Sequence[SimulatedWait]
 ) -> HeadFigures:
     head, prints = run.heads[h], program.prints
     within = (head.begin >= begin - 1e-9) & (head.end <= end + 1e-9)
@@ -270,12 +270,12 @@ def _figures(
     )
 
 
-def _waits(programs: Sequence[HeadProgram], run: Run) -> tuple[Wait, ...]:
+def _waits(programs: Sequence[HeadProgram], run: Run) -> tuple[SimulatedWait, ...]:
     found = [wait for h, program in enumerate(programs) for wait in _waits_of(program, run, h)]
     return tuple(sorted(found, key=lambda wait: wait.begin_s))
 
 
-def _waits_of(program: HeadProgram, run: Run, h: int) -> list[Wait]:
+def _waits_of(program: HeadProgram, run: Run, h: int) -> list[SimulatedWait]:
     """Return the waits of one head for which it stood."""
     head, stops = run.heads[h], program.stops
     rows = np.flatnonzero((stops.kind == StopKind.WAIT) & (head.by >= 0))
@@ -284,8 +284,10 @@ def _waits_of(program: HeadProgram, run: Run, h: int) -> list[Wait]:
         move = min(int(stops.before[j]), len(program.line) - 1)
         seconds = float(head.left[j] - head.reached[j])
         found.append(
-            Wait(h, int(head.by[j]), float(head.reached[j]), seconds, int(program.line[move]),
-                 int(program.action[move]))
+            SimulatedWait(
+                h, int(head.by[j]), float(head.reached[j]), seconds, int(program.line[move]),
+                int(program.action[move]),
+            )
         )  # fmt: skip
     return found
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.agreeing.events import Event, Fenced, Notice, Release
-from agents.loop.agent import Agent, Meet, Progress
+from agents.agreeing.events import Event, HeadFenced, Notice, Release
+from agents.loop.agent import Agent, AgentProgress, Meet
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
-from agents.planners.planner import Planner
+from agents.planners.planner import AgentPlanner
 
 STEP_S = 0.02
 
@@ -31,7 +31,7 @@ class Recorder:
         asked, self.asked = self.asked, []
         return asked
 
-    def progress(self, progress: Progress, traffic: Traffic) -> None:
+    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Keep the last progress."""
         self.last = progress
 
@@ -51,7 +51,7 @@ class MemoryTeam:
         self,
         n: int,
         weather: Weather,
-        planner_of: Callable[[int], Planner],
+        planner_of: Callable[[int], AgentPlanner],
         *,
         seed: int = 0,
         limit_s: float = 1.0,
@@ -104,7 +104,7 @@ class MemoryTeam:
         if head in self.agents:
             self.kill(head)
         for other in self.agents:
-            self.fronts[other].asked.append(Fenced(head, epoch))
+            self.fronts[other].asked.append(HeadFenced(head, epoch))
 
     def releases(self) -> dict[int, Release]:
         """Return what each head has released, of those that have."""

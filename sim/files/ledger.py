@@ -74,7 +74,7 @@ def check_filament(
 
 
 @dataclass(frozen=True, slots=True)
-class Stretches:
+class NetFilament:
     """What is pushed less what is pulled in stretches of moves, mm."""
 
     tool: Ints  # (n,) in use there
@@ -83,13 +83,13 @@ class Stretches:
     high: Floats  # (n,) greatest, 0 or above
 
     @staticmethod
-    def of(tool: Ints, total: Floats, begin: Ints, end: Ints) -> Stretches:
+    def of(tool: Ints, total: Floats, begin: Ints, end: Ints) -> NetFilament:
         """Take the moves begin..end - 1; `total` is pushed before each move, and by all."""
         pairs = np.stack([begin, end + 1], axis=1).ravel()
         padded = np.append(total, total[-1:])
         low = np.minimum.reduceat(padded, pairs)[::2] - total[begin]
         high = np.maximum.reduceat(padded, pairs)[::2] - total[begin]
-        return Stretches(tool, total[end] - total[begin], low, high)
+        return NetFilament(tool, total[end] - total[begin], low, high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +100,10 @@ class Book:
     contour: Ints  # (n,) of the source
     tool: Ints  # (n,) it is printed with
     lines: Ints  # (n,) which of the source's own lines stand before it: -1 none, 0 the start code
-    before: Stretches  # (n,) between the lines, or else the bead above, and the bead
-    above: Stretches  # (n,) between the bead above and the lines; nothing happens where none stand
+    before: NetFilament  # (n,) between the lines, or else the bead above, and the bead
+    above: (
+        NetFilament  # (n,) between the bead above and the lines; nothing happens where none stand
+    )
     kept: Flags  # (n,) one tool is in use from bead to bead
     deepest: Floats  # (n,) least running sum from bead to bead, the source's own lines included
 
@@ -123,13 +125,13 @@ class Book:
         total = np.concatenate([[0.0], np.cumsum(np.asarray(motions.extrusion))])
         changes = np.cumsum(np.diff(tools, prepend=tools[:1]) != 0)
         tool, last = tools[bead], tools[np.maximum(behind - 1, 0)]
-        upper = Stretches.of(last, total, behind, above)
+        upper = NetFilament.of(last, total, behind, above)
         if stands[0] == 0:  # what the start code does is its own
             upper.net[0] = upper.low[0] = upper.high[0] = 0.0
         return Book(
-            bead, contour[first], tool, stands, Stretches.of(tool, total, since, bead), upper,
+            bead, contour[first], tool, stands, NetFilament.of(tool, total, since, bead), upper,
             changes[np.maximum(behind - 1, 0)] == changes[bead],
-            Stretches.of(tool, total, behind, bead).low,
+            NetFilament.of(tool, total, behind, bead).low,
         )  # fmt: skip
 
 

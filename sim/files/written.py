@@ -49,7 +49,7 @@ DWELL = re.compile(rb"^G4 P(\d+)", re.M)
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class ReadBack:
     """A file as it was read back, beside what it was made from."""
 
     text: bytes
@@ -148,7 +148,7 @@ def _read_back(
     source: Motions,
     seams: Sequence[Moved] | None,
     plate: int | None,
-) -> Written:
+) -> ReadBack:
     """Read a file that was made from a document; raises InputError where that fails."""
     ours, ours_document, motions, ending = read_written(path, document, plate)
     moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
@@ -158,11 +158,11 @@ def _read_back(
     job, document = source_with(job, document, moved)
     differences = same_extrusions(job, document, ours, ours_document, hot_ends=texts)
     faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
-    return Written(load_text(path, plate), motions, moved, faults, taken)
+    return ReadBack(load_text(path, plate), motions, moved, faults, taken)
 
 
 def _check_text(
-    written: Written, source: Motions, due: tuple[PrintJob, GcodeDocument], matched: Matched,
+    written: ReadBack, source: Motions, due: tuple[PrintJob, GcodeDocument], matched: Matched,
     taken: Taken | None,
 ) -> list[Fault]:  # fmt: skip
     """Check the commands of a file, and its filament, against the source's."""
@@ -177,7 +177,7 @@ def _check_text(
 
 
 def _check_source_text(
-    written: Written, document: GcodeDocument, matched: Matched, taken: Taken | None
+    written: ReadBack, document: GcodeDocument, matched: Matched, taken: Taken | None
 ) -> list[Fault]:
     """Check commands, settings and temperatures against the source's text, if there is one."""
     try:

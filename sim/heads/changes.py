@@ -39,7 +39,7 @@ from sim.files.commands import sets_state
 from sim.files.written import source_text
 from sim.heads.file import HeadFile
 from sim.heads.heat import SELECTS, degrees_of, heat_due
-from sim.heads.laid import Bead
+from sim.heads.laid import ContourMoves
 
 _HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
 _MOVES = re.compile(
@@ -100,7 +100,7 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Source | None:
 
 def _unwalled(
     job: PrintJob, document: GcodeDocument, gone: list[Block], kept: list[Block],
-    since: Mapping[int, Gap], tools: Mapping[int, _Tool],
+    since: Mapping[int, FilamentBalance], tools: Mapping[int, _Tool],
 ) -> Source:  # fmt: skip
     """Return a source without some blocks."""
     was = job.contours.epoch
@@ -208,7 +208,9 @@ def _starts(
         yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
 
-def _primes_of(job: PrintJob, since: Mapping[int, Gap], taken: set[int]) -> dict[int, float]:
+def _primes_of(
+    job: PrintJob, since: Mapping[int, FilamentBalance], taken: set[int]
+) -> dict[int, float]:
     """Return what is pushed beyond what was pulled at every change to a tool alike, mm.
 
     `taken` are the contours before which tools change.
@@ -237,7 +239,9 @@ def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, fl
     return found
 
 
-def _pulled_back(job: PrintJob, since: Mapping[int, Gap], taken: set[int]) -> dict[int, float]:
+def _pulled_back(
+    job: PrintJob, since: Mapping[int, FilamentBalance], taken: set[int]
+) -> dict[int, float]:
     """Return how far each tool is pulled back at least, mm, before the contours `taken`."""
     least: dict[int, float] = {}
     for c in taken & since.keys():
@@ -246,22 +250,22 @@ def _pulled_back(job: PrintJob, since: Mapping[int, Gap], taken: set[int]) -> di
     return {tool: deep for tool, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
 
 
-class Gap(NamedTuple):
+class FilamentBalance(NamedTuple):
     """What a tool does between two contours it prints, mm of filament."""
 
     net: float  # pushed less pulled
     pulled: float  # the most that is pulled back
 
 
-NO_GAP = Gap(0.0, 0.0)
+NO_GAP = FilamentBalance(0.0, 0.0)
 
 
-def gaps_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, Gap]:
+def gaps_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, FilamentBalance]:
     """Return what each contour's tool has done since its last contour.
 
     `tool` is that of each contour. Of contours that are the first of their tool nothing.
     """
-    number, found = tool.tolist(), dict[int, Gap]()
+    number, found = tool.tolist(), dict[int, FilamentBalance]()
     held, lowest, at = dict[int, float](), dict[int, float](), -1
     columns = (moves.tool, moves.contour, moves.extrusion)
     for used, contour, filament in zip(*(np.asarray(c).tolist() for c in columns), strict=True):
@@ -272,13 +276,13 @@ def gaps_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, G
             continue
         own = number[contour]
         if contour != at and own in held:
-            found[contour] = Gap(held[own], -lowest[own])
+            found[contour] = FilamentBalance(held[own], -lowest[own])
         held[own], lowest[own], at = 0.0, 0.0, contour
     return found
 
 
 def check_hot_ends(
-    heads: Sequence[tuple[HeadFile, Sequence[Bead]]], source: bytes, job: PrintJob,
+    heads: Sequence[tuple[HeadFile, Sequence[ContourMoves]]], source: bytes, job: PrintJob,
     document: GcodeDocument,
 ) -> list[Fault]:  # fmt: skip
     """Check that each bead of heads' files is laid with its hot end told what the source tells it.

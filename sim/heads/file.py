@@ -37,7 +37,7 @@ Rows = tuple[tuple[int, bytes], ...]  # line, from 1, and command
 
 
 @dataclass(frozen=True, slots=True)
-class Rests:
+class FileWaits:
     """Where a file waits, signals and dwells, found once for all that is asked of it."""
 
     waits: list[int]  # (w,) lines of waits, ascending
@@ -46,7 +46,7 @@ class Rests:
     total_ms: list[int]  # (d + 1,) all dwells before each of them, and all of them
 
     @classmethod
-    def of(cls, syncs: Sequence[Sync], others: Rows) -> Rests:
+    def of(cls, syncs: Sequence[Sync], others: Rows) -> FileWaits:
         """Find them; every command is read once."""
         found = ((line, _DWELL.match(code)) for line, code in others)
         dwells = [(line, int(match[1])) for line, match in found if match is not None]
@@ -75,7 +75,7 @@ class HeadFile:
     syncs: tuple[Sync, ...]
     rest: Rows  # all that is no sync point
     others: Rows  # those of them that are no plain moves
-    rests: Rests
+    rests: FileWaits
 
     def row(self, line: int) -> bytes:
         """Return a line (from 1) as it stands."""
@@ -94,7 +94,7 @@ def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile
     motion = interpret(lines)
     name, place = header_of(lines.text)
     syncs, rest, others = _parted(lines, Reader(words, place[0]))
-    track, rests = track_state(lines, motion), Rests.of(syncs, others)
+    track, rests = track_state(lines, motion), FileWaits.of(syncs, others)
     return HeadFile(str(path), name, place, lines, motion, track, syncs, rest, others, rests)
 
 

@@ -28,7 +28,7 @@ from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.print.idle import Idle, Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.heads.file import HeadFile, Rests
+from sim.heads.file import FileWaits, HeadFile
 from sim.heads.walk import OWED_MM, Walk
 
 _OWN = IDLE_MARK.encode()  # behind a dwell at standby
@@ -46,7 +46,7 @@ _UNSEEN = re.compile(
 )
 
 
-class Stand(NamedTuple):
+class IdleStand(NamedTuple):
     """A head stands idle before an action."""
 
     seconds: float
@@ -59,7 +59,7 @@ class Idling:
 
     idle: Idle
     practice: Practice  # the machine's words before the source's
-    stands: Mapping[int, Stand] | None  # by action; None: no plan says
+    stands: Mapping[int, IdleStand] | None  # by action; None: no plan says
     primed: Set[int] | None  # contours before which it has laid nothing for long
 
     @classmethod
@@ -87,17 +87,17 @@ class Idling:
 
 def idle_stands(
     actions: HeadActions, head: int, job: PrintJob, after_s: float
-) -> Iterator[tuple[int, Stand]]:
+) -> Iterator[tuple[int, IdleStand]]:
     """Yield the actions before which a head stands idle."""
     kind, contour = actions.kind.tolist(), actions.contour.tolist()
     begin, end = actions.begin_s.tolist(), actions.end_s.tolist()
-    epochs, held = job.contours.epoch, dict[int, Stand]()
+    epochs, held = job.contours.epoch, dict[int, IdleStand]()
     now, before = int(epochs.min(initial=0)), 0.0
     for k, does in enumerate(kind):
         rests = end[k] - begin[k] if does == ActionKind.WAIT else 0.0
         if (seconds := begin[k] - before + rests) >= after_s:
             lags = (edge.lag_s for edge in actions.after_edges(k) if edge.head != head)
-            held[k] = Stand(seconds, rests + max(lags, default=0.0))
+            held[k] = IdleStand(seconds, rests + max(lags, default=0.0))
         before = end[k]
         if does == ActionKind.PRINT:
             if (epoch := int(epochs[contour[k]])) == now:
@@ -116,7 +116,7 @@ def idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
     return frozenset(actions.contour[rows[idle]].tolist())
 
 
-class Standby(NamedTuple):
+class StandbyLines(NamedTuple):
     """Lines that cool a hot end and heat it again."""
 
     lines: tuple[int, ...]  # of M400, M104, M104 and M109
@@ -197,7 +197,7 @@ def check_idle(
     return words, lines
 
 
-def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[Standby]:
+def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[StandbyLines]:
     """Yield the lines that cool and heat again, of those that might; others are left."""
     k = 0
     while k < len(own):
@@ -206,24 +206,26 @@ def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[Standby]:
         names = [None if match is None else match[1] for match in told]
         if rows[0][1] == b"M400" and names == [b"104", b"104", b"109"]:
             degrees = tuple(float(match[2]) for match in told if match is not None)
-            yield Standby(tuple(line for line, _ in rows), degrees)
+            yield StandbyLines(tuple(line for line, _ in rows), degrees)
             k += 4
         else:
             k += 1
 
 
-def _within(group: Standby, window: tuple[int, int]) -> bool:
+def _within(group: StandbyLines, window: tuple[int, int]) -> bool:
     return window[0] < group.lines[0] and group.lines[-1] < window[1]
 
 
-def _waitless(rests: Rests, group: Standby) -> Iterator[str]:
+def _waitless(rests: FileWaits, group: StandbyLines) -> Iterator[str]:
     """Yield a line where there is nothing that a head stands for at standby, or while it heats."""
     first, last = group.lines[1], group.lines[-1]
     if not _between(rests.waits, first, last) and not _between(rests.dwells, first, last):
         yield f"line {first}: it cools where it does not wait"
 
 
-def _heated_wrong(file: HeadFile, heats: _Heats, group: Standby, idling: Idling) -> Iterator[str]:
+def _heated_wrong(
+    file: HeadFile, heats: _Heats, group: StandbyLines, idling: Idling
+) -> Iterator[str]:
     """Yield what is wrong with the temperatures of a standby, or moves and signals within it."""
     first, last = group.lines[0], group.lines[-1]
     cold, warm, hot = group.degrees
@@ -248,7 +250,7 @@ def _heated_wrong(file: HeadFile, heats: _Heats, group: Standby, idling: Idling)
         yield f"line {first}: others wait for it until it is hot again in line {last}"
 
 
-def _dwelt_elsewhere(file: HeadFile, groups: Sequence[Standby]) -> Iterator[str]:
+def _dwelt_elsewhere(file: HeadFile, groups: Sequence[StandbyLines]) -> Iterator[str]:
     """Yield the dwells at standby that stand beside no standby."""
     within = {
         line
@@ -261,7 +263,7 @@ def _dwelt_elsewhere(file: HeadFile, groups: Sequence[Standby]) -> Iterator[str]
 
 
 def _late(
-    rests: Rests, group: Standby, stand: Stand, window: tuple[int, int], idle: Idle
+    rests: FileWaits, group: StandbyLines, stand: IdleStand, window: tuple[int, int], idle: Idle
 ) -> Iterator[str]:
     """Yield what makes a head stand longer than planned, or not be hot in time."""
     _, cool, heat, last = group.lines

@@ -16,7 +16,7 @@ E_MM = 5e-5
 FEED_MM_S = 1e-3
 
 
-class Bead(NamedTuple):
+class ContourMoves(NamedTuple):
     """A contour that a file prints: moves begin..end - 1."""
 
     contour: int

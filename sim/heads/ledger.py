@@ -41,7 +41,7 @@ from sim.files.ledger import (
 )
 from sim.heads.changes import NO_GAP, gaps_of_tools
 from sim.heads.file import HeadFile
-from sim.heads.laid import Bead
+from sim.heads.laid import ContourMoves
 
 UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
 # that may move filament unseen, or after which it is another tool's
@@ -55,7 +55,7 @@ class Printed:
     file: HeadFile
     tool: int
     begin: int  # its first move below the start code
-    beads: Sequence[Bead]  # in its order
+    beads: Sequence[ContourMoves]  # in its order
     blocks: Sequence[Sequence[int]]  # lines (from 1) of each block, none where it has no command
     end: int  # its first move of the end code
     prime_mm: float = 0.0  # pushed beyond where it has laid nothing for long
@@ -243,7 +243,7 @@ class _Account:
             self.texts.append(f"{pushed:.4g} mm are pushed on the spot behind the last bead")
         return self.texts[:LIMIT]
 
-    def _begin(self, bead: Bead) -> None:
+    def _begin(self, bead: ContourMoves) -> None:
         """Check the stretch before a bead, and the bead."""
         dues = self.dues
         due = self.retracted + float(dues.net[bead.contour])
@@ -263,7 +263,7 @@ class _Account:
         self.over += net - due + given - float(dues.extrusion[bead.contour])
         self.at, self.retracted, self.most = bead.end, 0.0, 0.0
 
-    def _prime(self, bead: Bead, more: float) -> float:
+    def _prime(self, bead: ContourMoves, more: float) -> float:
         """Return what is due to prime a head that has stood idle, mm; `more` is pushed beyond."""
         prime = 0.0 if self.changed else self.head.prime_mm
         if self.head.primed is None:  # files tell no times

@@ -25,7 +25,7 @@ from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.arrays import Floats
 from sim.faults import Fault, FaultKind, listed
-from sim.heads.file import HeadFile, Rests
+from sim.heads.file import FileWaits, HeadFile
 from sim.heads.sync import Knowledge, Sync
 from sim.heads.walk import Walk
 
@@ -36,7 +36,7 @@ Windows = tuple[list[int], list[int]]  # lines between which the sync points of 
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class FileParts:
     """The parts of one head's file, by line from 1."""
 
     first: int  # first command
@@ -65,7 +65,7 @@ def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) ->
 
 
 def check_order(
-    files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[Parts],
+    files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[FileParts],
     walks: list[Walk], intervals: Intervals, *, read: bool = False,
 ) -> list[Fault]:  # fmt: skip
     """Check that the files order what the plan orders, and keep set-up first and end code last.
@@ -125,13 +125,18 @@ def _in_motion(
     ]
 
 
-def _last_end(file: HeadFile, part: Parts) -> int:
+def _last_end(file: HeadFile, part: FileParts) -> int:
     """Return the last line of a head's end code; 0 where it has none."""
     return file.rest[-1][0] if file.rest and part.end_code <= len(file.lines) else 0
 
 
 def _unkept(
-    rests: Rests, begins: list[int], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
+    rests: FileWaits,
+    begins: list[int],
+    plan: JointPlan,
+    known: Knowledge,
+    walks: list[Walk],
+    h: int,
 ) -> list[str]:
     """Return the edges into one head that its waits, or the dwells behind them, do not keep."""
     actions, lines = plan.heads[h], []
@@ -164,7 +169,7 @@ def _reached(walk: Walk, edge: After) -> int:
     )
 
 
-def _dwelt(rests: Rests, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
+def _dwelt(rests: FileWaits, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
     """Return the seconds head h dwells between knowing that g has `reached` a line and `first`.
 
     What a head knows never grows less, so the wait that tells it is found by bisection.
@@ -175,7 +180,12 @@ def _dwelt(rests: Rests, known: Knowledge, h: int, g: int, reached: int, first: 
 
 
 def _unrested(
-    rests: Rests, begins: list[int], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
+    rests: FileWaits,
+    begins: list[int],
+    plan: JointPlan,
+    known: Knowledge,
+    walks: list[Walk],
+    h: int,
 ) -> list[str]:
     """Return the waits of one head for which its file does not dwell as long as planned."""
     actions, walk, lines = plan.heads[h], walks[h], []
@@ -208,7 +218,7 @@ def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
 
 
 def _unplanned(
-    files: Sequence[HeadFile], plan: JointPlan, parts: list[Parts], walks: list[Walk], h: int,
+    files: Sequence[HeadFile], plan: JointPlan, parts: list[FileParts], walks: list[Walk], h: int,
     given: Mapping[int, tuple[int, Sync]], windows: list[Windows], firsts: list[int],
     intervals: Intervals,
 ) -> list[str]:  # fmt: skip

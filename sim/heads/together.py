@@ -35,7 +35,7 @@ from sim.heads.idle import Idling, check_idle
 from sim.heads.laid import SAME_MM
 from sim.heads.ledger import Printed, behind, belongs_to_bead, check_filament, dues_of
 from sim.heads.macros import check_words
-from sim.heads.order import Intervals, Parts, check_order, check_sync, last_points
+from sim.heads.order import FileParts, Intervals, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, Walk, Walker, differing
 
@@ -107,7 +107,7 @@ class Walked:
     """One head's file walked along its actions."""
 
     file: HeadFile
-    part: Parts
+    part: FileParts
     walk: Walk
     faults: list[Fault]
     idling: Idling
@@ -149,7 +149,7 @@ def walk_file(
     end_code = file.rest[high][0] if high < len(file.rest) else beyond
     begin = int(file.motion.before[min(parked, len(file.lines))])
     end = int(file.motion.before[min(end_code, beyond) - 1])
-    part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
+    part = FileParts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
     begins = begin_of_verbatim(
         file.lines.raw, min(end_code, _below_end(file)) - 1, document.postamble, own_end
@@ -251,7 +251,7 @@ def _check_filament(
     return check_filament(heads, dues_of(source, job, document), job, document)
 
 
-def _check_arcs(file: HeadFile, part: Parts, actions: HeadActions, arcs: Turns) -> list[Fault]:
+def _check_arcs(file: HeadFile, part: FileParts, actions: HeadActions, arcs: Turns) -> list[Fault]:
     """Check that a head's file has the arcs of the contours it prints, and no other."""
     prints = actions.kind == ActionKind.PRINT
     moved = set(actions.contour[prints & (actions.entry > 0)].tolist())

@@ -24,7 +24,7 @@ from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
 from sim.heads.file import HeadFile
-from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Bead, pairs_of_states
+from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, ContourMoves, pairs_of_states
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
@@ -38,7 +38,7 @@ class Walk:
     first: list[int] = field(default_factory=list)  # (k,) line of each action's first move
     last: list[int] = field(default_factory=list)  # (k,) line of the last move up to its end
     reached: list[list[int]] = field(default_factory=list)  # (k,) line of the move to each point
-    laid: list[Bead] = field(default_factory=list)
+    laid: list[ContourMoves] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     complete: bool = False
 
@@ -209,7 +209,7 @@ class Walker:
         reached = self.walk.reached[k]
         reached.append(self._line[self.at - 1])
         stop = self.at + (b - a - 1 if laid is None else len(laid.extrusion))
-        self.walk.laid.append(Bead(contour, self.at, stop))
+        self.walk.laid.append(ContourMoves(contour, self.at, stop))
         if stop <= self.end and (laid is None or self._as_laid(laid, stop)):
             if laid is None:
                 self._later.append((contour, is_reversed, self.at))

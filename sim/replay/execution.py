@@ -32,7 +32,7 @@ SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned t
 
 
 @dataclass(frozen=True, slots=True)
-class Meeting:
+class HeadConflict:
     """Two heads nearer than the clearance at some time of a replay."""
 
     trial: str
@@ -43,7 +43,7 @@ class Meeting:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class TimedPath:
     """Where one head is over time, piecewise straight; rests have two equal points."""
 
     time: Floats  # (k,) non-decreasing seconds
@@ -171,28 +171,28 @@ def _earliest(
     return begin
 
 
-def course_of(
+def timed_path_of(
     actions: HeadActions,
     begin: Floats,
     factor: Floats,
     arrivals: Floats,
     park: Floats,
     end_s: float,
-) -> Course:
+) -> TimedPath:
     """Return where a head is from 0 to `end_s` seconds."""
     if not len(actions):
-        return Course(np.array([0.0, end_s]), np.array([park, park]), np.array([-1, -1]))
+        return TimedPath(np.array([0.0, end_s]), np.array([park, park]), np.array([-1, -1]))
     owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
-    return Course(
+    return TimedPath(
         np.concatenate([[0.0], begin[owner] + factor[owner] * arrivals, [end_s]]),
         np.concatenate([actions.path[:1], actions.path, actions.path[-1:]]),
         np.concatenate([[-1], owner, [len(actions) - 1]]),
     )
 
 
-def meetings(
-    machine: Machine, pieces: Pieces, pair: tuple[int, int], trial: str, limit: int
-) -> list[Meeting]:
+def head_conflicts(
+    machine: Machine, pieces: PairMotion, pair: tuple[int, int], trial: str, limit: int
+) -> list[HeadConflict]:
     """Return the times at which two heads come nearer than the clearance."""
     reach = machine.head_clearance_mm - TOLERANCE_MM
     mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pair)
@@ -202,7 +202,7 @@ def meetings(
     near = _near_pieces(
         pieces, every, _box(np.concatenate(mine)), _box(np.concatenate(theirs)), reach
     )
-    found: dict[tuple[int, int], Meeting] = {}
+    found: dict[tuple[int, int], HeadConflict] = {}
     boxes = [_box(shape) for shape in theirs]
     for a_shape in mine:
         a_box = _box(a_shape)
@@ -213,7 +213,7 @@ def meetings(
                     continue
                 gap = _least_gap(a_shape, b_shape, pieces, k)
                 if gap < reach:
-                    found[actions] = Meeting(trial, float(pieces.time[k]), pair, actions, gap)
+                    found[actions] = HeadConflict(trial, float(pieces.time[k]), pair, actions, gap)
     return list(found.values())
 
 
@@ -223,7 +223,7 @@ def _box(shape: Vertices) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class PairMotion:
     """Both heads on one time axis; between two times each moves straight."""
 
     time: Floats  # (k,)
@@ -232,19 +232,19 @@ class Pieces:
     actions: Ints  # (k, 2)
 
 
-def shared_pieces(courses: list[Course]) -> dict[tuple[int, int], Pieces]:
+def shared_pieces(courses: list[TimedPath]) -> dict[tuple[int, int], PairMotion]:
     """Return for each pair of heads, the lower first, both on one time axis."""
     pairs = combinations(range(len(courses)), 2)
     return {(a, b): _shared_pieces(courses[a], courses[b]) for a, b in pairs}
 
 
-def _shared_pieces(a: Course, b: Course) -> Pieces:
+def _shared_pieces(a: TimedPath, b: TimedPath) -> PairMotion:
     time = np.sort(np.concatenate([a.time, b.time]), kind="stable")  # two runs to merge
     time = time[np.concatenate([[True], time[1:] != time[:-1]])]
     points, actions = np.empty((2, len(time), 3)), np.empty((len(time), 2), np.int64)
     for h, course in enumerate((a, b)):
         _follow(time, course.time, course.point, course.action, points[h], actions[:, h])
-    return Pieces(time, points[0], points[1], actions)
+    return PairMotion(time, points[0], points[1], actions)
 
 
 @compiled
@@ -268,7 +268,9 @@ def _follow(
         actions[k] = action[i]
 
 
-def _near_pieces(pieces: Pieces, rows: Ints, a_box: Floats, b_box: Floats, reach: float) -> Ints:
+def _near_pieces(
+    pieces: PairMotion, rows: Ints, a_box: Floats, b_box: Floats, reach: float
+) -> Ints:
     """Return those of `rows` in which the swept bounding boxes come nearer than `reach`."""
     limits = np.stack([b_box[1] - a_box[0] + reach, a_box[1] - b_box[0] + reach])
     return rows[_near(pieces.a, pieces.b, rows, limits)]
@@ -292,7 +294,7 @@ def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> Flags:
     return near
 
 
-def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
+def _least_gap(a: Vertices, b: Vertices, pieces: PairMotion, k: int) -> float:
     """Return how near the two shapes come in one piece.
 
     Both move straight at uniform speed, so the second as seen from the first
@@ -303,8 +305,8 @@ def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
 
 
 def rail_breaks(
-    machine: Machine, shared: Mapping[tuple[int, int], Pieces], trial: str
-) -> list[Meeting]:
+    machine: Machine, shared: Mapping[tuple[int, int], PairMotion], trial: str
+) -> list[HeadConflict]:
     """Return the first time in a replay at which each pair of heads breaks each rail.
 
     `shared` has the pieces of each pair (`shared_pieces`).
@@ -319,7 +321,7 @@ def rail_breaks(
                 r, s = pair[::turn]
                 one, other = pieces.actions[k, ::turn].tolist()
                 time_s = float(pieces.time[k])
-                found.append(Meeting(trial, time_s, (r, s), (one, other), float(gap[k])))
+                found.append(HeadConflict(trial, time_s, (r, s), (one, other), float(gap[k])))
     return found
 
 
@@ -329,7 +331,7 @@ def run_trial(
     order: PartialOrder,
     arrivals: list[Floats],
     factors: list[Floats],
-) -> tuple[list[Floats], list[Course]]:
+) -> tuple[list[Floats], list[TimedPath]]:
     """Execute the plan with one timing error; returns begin times and courses of all heads."""
     seconds = [
         factor * times[actions.path_offsets[1:] - 1]
@@ -340,7 +342,7 @@ def run_trial(
         (float((b + d).max()) for b, d in zip(begin, seconds, strict=True) if len(b)), default=0.0
     )
     courses = [
-        course_of(actions, b, f, t, np.array(head.park), end_s)
+        timed_path_of(actions, b, f, t, np.array(head.park), end_s)
         for actions, b, f, t, head in zip(
             all_actions, begin, factors, arrivals, machine.heads, strict=True
         )

@@ -17,7 +17,13 @@ from decmcts.print.machine import Head
 from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind
 from sim.replay.gaps import meets, room
-from sim.replay.near_misses import CAPACITY, Capacity, NearPrint, UndecidedError, near_misses
+from sim.replay.near_misses import (
+    CAPACITY,
+    NearMissCapacity,
+    NearPrint,
+    UndecidedError,
+    near_misses,
+)
 from sim.replay.shapes import Beads, Part, parts_of
 
 
@@ -61,7 +67,7 @@ def deepest_contacts(
     *,
     margins: tuple[float, float],
     ends_at: Ends | None = None,
-    capacity: Capacity = CAPACITY,
+    capacity: NearMissCapacity = CAPACITY,
 ) -> tuple[Ints, Floats]:
     """Return which owners of moves meet which beads' owners, and how deep.
 
@@ -78,7 +84,7 @@ def deepest_contacts(
     depth : (k,) mm from the tip to the top of the bead, the greatest of all contacts of the pair
     """
     order = np.argsort(beads.since, kind="stable")
-    search = Search(moves, beads, parts_of(head), *margins)
+    search = ContactSearch(moves, beads, parts_of(head), *margins)
     for found, whole in _near(search, order, "near misses in the source's own order", capacity):
         if whole:
             return _deepest(search, owner, order, found)
@@ -90,7 +96,11 @@ def deepest_contacts(
 
 
 def _near(
-    search: Search, order: Ints, what: str, capacity: Capacity, near: NearPrint | None = None
+    search: ContactSearch,
+    order: Ints,
+    what: str,
+    capacity: NearMissCapacity,
+    near: NearPrint | None = None,
 ) -> Iterator[tuple[Ints, bool]]:
     """Yield near misses, more at each try, and whether they are all of them.
 
@@ -113,7 +123,7 @@ def _near(
 
 
 def _deepest(
-    search: Search, owner: Ints, order: Ints,
+    search: ContactSearch, owner: Ints, order: Ints,
     found: Ints, only: Ends | None = None,
 ) -> tuple[Ints, Floats]:  # fmt: skip
     """Return the pairs of owners that meet, and how deep, of candidates; `only` some of them."""
@@ -141,7 +151,7 @@ def find_contacts(
     clearance_mm: float,
     tolerance_mm: float,
     limit: int,
-    capacity: Capacity = CAPACITY,
+    capacity: NearMissCapacity = CAPACITY,
     allowed: Allowed | None = None,
     near: NearPrint | None = None,
 ) -> list[Contact]:
@@ -170,7 +180,7 @@ def find_contacts(
     if not len(beads.start) or not len(moves):
         return []
     order = np.argsort(beads.since, kind="stable")
-    search = Search(moves, beads, parts_of(head), clearance_mm, tolerance_mm)
+    search = ContactSearch(moves, beads, parts_of(head), clearance_mm, tolerance_mm)
     what = "near misses of head and material, too many to judge"
     for found, _ in _near(search, order, what, capacity, near):
         if allowed is not None:
@@ -182,7 +192,7 @@ def find_contacts(
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class ContactSearch:
     """What the exact check of one candidate after the other needs."""
 
     moves: Floats  # (m, 6)
@@ -192,7 +202,7 @@ class Search:
     tolerance_mm: float
 
 
-def _judge_all(search: Search, order: Ints, found: Ints, limit: int) -> list[Contact]:
+def _judge_all(search: ContactSearch, order: Ints, found: Ints, limit: int) -> list[Contact]:
     """Return which candidates are contacts, one a move, at most `limit`."""
     contacts: dict[int, Contact] = {}
     for move, at, part in found.tolist():
@@ -205,7 +215,7 @@ def _judge_all(search: Search, order: Ints, found: Ints, limit: int) -> list[Con
     return list(contacts.values())
 
 
-def _judge(search: Search, move: int, bead: int, number: int) -> float | None:
+def _judge(search: ContactSearch, move: int, bead: int, number: int) -> float | None:
     """Return how far a bead is above the underside of a part that meets it; None if it does not."""
     part, beads, tolerance = search.parts[number], search.beads, search.tolerance_mm
     start, end, row = beads.start[bead], beads.end[bead], search.moves[move]

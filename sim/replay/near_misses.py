@@ -22,7 +22,7 @@ NEAR_MM = 5.0  # a least gap is looked for up to here, beyond the clearance
 
 
 @dataclass(frozen=True, slots=True)
-class Capacity:
+class NearMissCapacity:
     """How much memory the search for contacts may use."""
 
     first: int = 1 << 16  # near misses at first; 16 times as many at each further try
@@ -31,7 +31,7 @@ class Capacity:
     cells_each: int = 64  # or so many for each bead, where that is more
 
 
-CAPACITY = Capacity()
+CAPACITY = NearMissCapacity()
 
 
 class UndecidedError(Exception):
@@ -118,7 +118,7 @@ def near_misses(
     order: Ints,
     parts: list[Part],
     margins: tuple[float, float],
-    capacity: Capacity,
+    capacity: NearMissCapacity,
     near: NearPrint | None = None,
 ) -> tuple[Ints, int]:
     """Return rows (move, position in `order`, part) to look at closely, and their number.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agents.networks.memory import Weather
-from agents.planners.planner import Planner
+from agents.planners.planner import AgentPlanner
 from sim.experiments.memory_team import MemoryTeam
 from tests.agents.toy import ToyPlanner
 
@@ -25,7 +25,7 @@ class Team(MemoryTeam):
         self.names = tuple(f"head{h}" for h in range(n))
         self.jobs = 40
 
-        def planner_of(head: int) -> Planner:
+        def planner_of(head: int) -> AgentPlanner:
             return ToyPlanner(
                 head,
                 names=self.names,

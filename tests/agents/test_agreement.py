@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.agreeing.events import Note, Refused, Unfenced
+from agents.agreeing.events import LogNote, Refused, Unfenced
 from agents.loop.agent import Agent
 from agents.messages.codec import encode, kind_of
 from agents.messages.kinds import Distribution, Envelope, Goodbye, Proposal
@@ -115,7 +115,7 @@ def test_without_a_head_that_is_needed_the_others_wait_and_say_why() -> None:
     team.fence(1)
     team.run(5.0)
     assert team.releases() == {}
-    assert Note("only head1 can do job 0") in team.fronts[0].told
+    assert LogNote("only head1 can do job 0") in team.fronts[0].told
     team.add(1, epoch=2)
     team.run(5.0)
     assert sorted(team.releases()) == [0, 1]
@@ -169,7 +169,7 @@ def test_hostile_bytes_are_dropped_counted_and_survived() -> None:
     assert sorted(team.releases()) == [0, 1]
     assert team.releases()[0].live == (0, 1)
     assert team.agents[0].traffic.dropped == {"malformed message of head 1": 60 * 4}
-    assert len(team.fronts[0].of(Note)) < 5
+    assert len(team.fronts[0].of(LogNote)) < 5
 
 
 def test_plans_that_name_unknown_work_are_dropped_not_fatal() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.agreeing.agreement import STALLED_TICKS
-from agents.agreeing.events import Fenced, Note, Phase, Refused, Release, Unfenced
+from agents.agreeing.events import HeadFenced, LogNote, Phase, Refused, Release, Unfenced
 from agents.loop.agent import TICK_S
 from agents.messages.codec import encode, kind_of
 from agents.messages.kinds import (
@@ -44,7 +44,7 @@ def test_hosts_that_resolve_differently_agree_on_a_serial_order(heads: int) -> N
     release = the_release(team)
     (plan,) = release.plans.values()
     assert plan[0] == JOBS and sorted(plan[1:]) == list(range(JOBS))
-    notes = [note.text for front in team.fronts.values() for note in front.of(Note)]
+    notes = [note.text for front in team.fronts.values() for note in front.of(LogNote)]
     assert any("serial order proposed" in note for note in notes)
 
 
@@ -175,7 +175,7 @@ def test_a_fence_may_be_said_twice() -> None:
     team.fence(2)
     team.run(0.5)
     for head in team.agents:
-        team.fronts[head].asked.append(Fenced(2, 1))
+        team.fronts[head].asked.append(HeadFenced(2, 1))
     team.run(3.0)
     assert the_release(team).live == (0, 1)
 

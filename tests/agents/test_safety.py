@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.agreeing.events import Fenced
+from agents.agreeing.events import HeadFenced
 from agents.networks.memory import Weather
 from tests.agents.simulation import Team
 
@@ -18,7 +18,7 @@ def disturb(team: Team, rng: np.random.Generator, *, again: bool = False) -> Non
             head = int(rng.choice(off))
             dead = [h for h in team.epochs if h not in team.agents and h != head]
             team.add(head, epoch=2)
-            team.fronts[head].asked.extend(Fenced(h, team.epochs[h]) for h in dead)
+            team.fronts[head].asked.extend(HeadFenced(h, team.epochs[h]) for h in dead)
             return
     heads = sorted(team.agents)
     if len(heads) < 2:

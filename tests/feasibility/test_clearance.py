@@ -7,7 +7,7 @@ import pytest
 
 from decmcts.feasibility.clearance_kernels import (
     CHUNK,
-    Beads,
+    Centrelines,
     fill_boxes,
     segment_blocks,
     segment_reaches,
@@ -16,7 +16,7 @@ from decmcts.feasibility.packed_head import pack_heads
 from decmcts.formats.machines.machine_file import load_machine
 
 
-def beads_of(rng: np.random.Generator, lengths: list[int]) -> Beads:
+def beads_of(rng: np.random.Generator, lengths: list[int]) -> Centrelines:
     """Return sloped wanderings on a coarse grid, so that ends touch limits exactly."""
     offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
     steps = rng.integers(-6, 7, (offsets[-1], 3)).astype(float)
@@ -26,7 +26,7 @@ def beads_of(rng: np.random.Generator, lengths: list[int]) -> Beads:
     chunks = np.concatenate([[0], np.cumsum(-(-(np.diff(offsets) - 1) // CHUNK))]).astype(np.int64)
     boxes, chunk_boxes = np.empty((len(lengths), 6)), np.empty((chunks[-1], 6))
     fill_boxes(points, offsets, boxes, chunks, chunk_boxes)
-    return Beads(points, offsets, np.full(len(lengths), 0.75), boxes, chunks, chunk_boxes)
+    return Centrelines(points, offsets, np.full(len(lengths), 0.75), boxes, chunks, chunk_boxes)
 
 
 @pytest.mark.parametrize("machine", ["paper", "mk4s"])

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
 from decmcts.team.engine.aside_kernels import print_next, return_all
-from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits, all_parked, new_units
+from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits, all_parked, new_units
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.replay_kernels import Marks, mark, restore
@@ -166,7 +166,7 @@ def _topological(problem: TeamProblem) -> NDArray[np.int64]:
 @compiled
 def search(
     best: float, most: int, visits: Visits, fleet: Fleet, limits: Limits, units: Units,
-    heads: Heads, marks: Marks, path: Path, seen: NDArray[np.uint64],
+    heads: TeamState, marks: Marks, path: Path, seen: NDArray[np.uint64],
 ) -> tuple[float, int, bool]:  # fmt: skip
     """Try all joint orders (mutates all but the problem); least makespan, steps, whether all."""
     n, depth, tried, filled = len(path.done), 0, 0, 0
@@ -224,7 +224,7 @@ def next_choice(depth: int, visits: Visits, limits: Limits, path: Path) -> bool:
 
 @compiled
 def bound(
-    done: NDArray[np.bool_], visits: Visits, fleet: Fleet, limits: Limits, heads: Heads
+    done: NDArray[np.bool_], visits: Visits, fleet: Fleet, limits: Limits, heads: TeamState
 ) -> float:
     """Return a time before which no way to complete the order can end.
 
@@ -278,7 +278,7 @@ def shared(work: float, begun: NDArray[np.float64], useful: NDArray[np.bool_]) -
 
 @compiled
 def remember(
-    filled: int, depth: int, units: Units, heads: Heads, marks: Marks, path: Path,
+    filled: int, depth: int, units: Units, heads: TeamState, marks: Marks, path: Path,
     seen: NDArray[np.uint64],
 ) -> tuple[int, bool]:  # fmt: skip
     """Remember the state reached at a depth (mutates path, seen); return how many, and if known."""

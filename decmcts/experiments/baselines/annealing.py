@@ -27,7 +27,7 @@ from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.order import units_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.incumbent import Budget, Found, Incumbent, stated_of
+from decmcts.team.incumbent import Budget, Found, JointIncumbent, stated_of
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
 FIRST = 128  # policies tried at first
@@ -72,7 +72,7 @@ def window(run: Ids, place: Ids, graph: DependencyGraph) -> tuple[int, int]:
     return low, high
 
 
-class Moves:
+class RandomMoves:
     """Random changes of a joint order."""
 
     def __init__(self, problem: TeamProblem, rng: np.random.Generator) -> None:
@@ -144,7 +144,7 @@ class Moves:
 def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     """Anneal until the time is over; returns the best order that was met."""
     rng, heads = np.random.default_rng(seed), len(problem.machine.heads)
-    best, moves = Incumbent(budget, heads), Moves(problem, rng)
+    best, moves = JointIncumbent(budget, heads), RandomMoves(problem, rng)
     now, value = _first(problem, best, rng)
     while not best.ended:
         tried = moves.changed(now)
@@ -157,7 +157,9 @@ def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     return best.found
 
 
-def _first(problem: TeamProblem, best: Incumbent, rng: np.random.Generator) -> tuple[Order, float]:
+def _first(
+    problem: TeamProblem, best: JointIncumbent, rng: np.random.Generator
+) -> tuple[Order, float]:
     """Return the best order of the first policies and its makespan, or the one to begin with.
 
     Where that is far ahead of a few policies no more are tried, as in Dec-MCTS.

@@ -10,7 +10,7 @@ from decmcts.team.dec_mcts.exchange import exchange_jointly
 from decmcts.team.dec_mcts.planner import DecMcts
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.incumbent import Budget, Found, Incumbent
+from decmcts.team.incumbent import Budget, Found, JointIncumbent
 
 
 class OneTree(DecMcts):
@@ -45,7 +45,7 @@ class OneTree(DecMcts):
 def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     """Return what one host finds that knows all and plans for all; iterations are rounds."""
     live = range(len(problem.machine.heads))
-    best, rounds = Incumbent(budget, len(live)), 0
+    best, rounds = JointIncumbent(budget, len(live)), 0
     tree = OneTree(problem, 0, seed=seed)
     while not rounds or not budget.stopping.ends(best.seconds, rounds):
         tree.iterate(live, budget.stopping.spent(best.seconds, rounds))

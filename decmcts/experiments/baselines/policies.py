@@ -17,7 +17,7 @@ from decmcts.team.engine.order import refuse
 from decmcts.team.engine.plans import POLICIES, STEP
 from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.incumbent import Budget, Found, Incumbent
+from decmcts.team.incumbent import Budget, Found, JointIncumbent
 
 Floats = NDArray[np.float64]
 SPREAD = 0.5  # of the logarithm of a random policy's weights, standard deviation
@@ -44,7 +44,7 @@ def nth_weights(k: int, heads: int, rng: np.random.Generator) -> Floats:
 def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     """Return the best of all policies; what time is left goes to random ones like them."""
     rng, heads = np.random.default_rng(seed), len(problem.machine.heads)
-    best = Incumbent(budget, heads)
+    best = JointIncumbent(budget, heads)
     while not best.ended:
         best.offer(dispatched(problem, nth_weights(best.orders, heads, rng)))
     return best.found

@@ -19,7 +19,7 @@ _LIFT_MM = 10.0  # above the print, before the head parks
 
 
 @dataclass(frozen=True, slots=True)
-class Laid:
+class PlacedBead:
     """One bead at its place."""
 
     layer: int
@@ -31,7 +31,7 @@ class Laid:
     height: float
 
 
-def sliced(layers: Layers, options: SliceOptions) -> Iterator[Laid]:
+def sliced(layers: Layers, options: SliceOptions) -> Iterator[PlacedBead]:
     """Yield the beads of a mesh, in the order in which they are printed."""
     shells, any_yet = find_shells(layers, options.top_layers, options.bottom_layers), False
     for number, region in enumerate(layers.regions):
@@ -44,14 +44,14 @@ def sliced(layers: Layers, options: SliceOptions) -> Iterator[Laid]:
             filament = np.linalg.norm(np.diff(points, axis=0), axis=1)
             filament *= options.filament_per_mm(height)
             feed = options.first_layer_feed if number == 0 else _feed(bead, options)
-            yield Laid(number, bead.role, points, filament, feed, options.bead_width, height)
+            yield PlacedBead(number, bead.role, points, filament, feed, options.bead_width, height)
 
 
-def gcode_lines(beads: Iterable[Laid], options: SliceOptions) -> Iterator[str]:
+def gcode_lines(beads: Iterable[PlacedBead], options: SliceOptions) -> Iterator[str]:
     """Yield the lines of a complete print."""
     yield from _start(options)
     at: NDArray[np.float64] | None = None
-    before: Laid | None = None
+    before: PlacedBead | None = None
     fan, top = False, 0.0
     for bead in beads:
         first = before is None or bead.layer != before.layer
@@ -110,7 +110,7 @@ def _feed(bead: Bead, options: SliceOptions) -> float:
     return options.infill_feed if bead.role is Role.INFILL else options.solid_feed
 
 
-def _extrude(bead: Laid) -> Iterator[str]:
+def _extrude(bead: PlacedBead) -> Iterator[str]:
     z = bead.points[0, 2]
     for point, e in zip(bead.points[1:].tolist(), bead.filament.tolist(), strict=True):
         climb = "" if point[2] == z else f" Z{point[2]:.3f}"

@@ -64,7 +64,9 @@ def _lines(region: BaseGeometry, distance: float) -> NDArray[np.float64]:
     return np.asarray(shapely.get_coordinates(ends).reshape(-1, 2, 2))
 
 
-def _chains(ends: NDArray[np.float64], joints: dict[int, Joint]) -> list[NDArray[np.float64]]:
+def _chains(
+    ends: NDArray[np.float64], joints: dict[int, InfillConnection]
+) -> list[NDArray[np.float64]]:
     """Join segments to polylines; end 2 i + s is side s of segment i."""
     taken = np.zeros(len(ends), np.bool_)
     chains = []
@@ -85,7 +87,7 @@ def _chains(ends: NDArray[np.float64], joints: dict[int, Joint]) -> list[NDArray
 
 
 @dataclass(frozen=True, slots=True)
-class Joint:
+class InfillConnection:
     """The way from one end of a line to the end `to` of another."""
 
     to: int
@@ -106,7 +108,7 @@ class _Gap:
 
 def border_joints(
     ends: NDArray[np.float64], region: BaseGeometry, *, longest: float
-) -> dict[int, Joint]:
+) -> dict[int, InfillConnection]:
     """Return the joints by end; each is there from both of its ends.
 
     Parameters
@@ -122,7 +124,7 @@ def border_joints(
         return {}
     rings = _rings(region)
     gaps = [gap for gap in _gaps(ends.reshape(-1, 2), rings) if gap.length <= longest]
-    joints: dict[int, Joint] = {}
+    joints: dict[int, InfillConnection] = {}
     group = np.arange(len(ends))  # lines joined so far, union-find
     for gap in gaps:
         a, b = _root(group, gap.first // 2), _root(group, gap.last // 2)
@@ -130,8 +132,8 @@ def border_joints(
             continue
         group[a] = b
         way = _corners(shapely.get_coordinates(rings[gap.ring]), gap.begin, gap.end)
-        joints[gap.first] = Joint(gap.last, way)
-        joints[gap.last] = Joint(gap.first, way[::-1])
+        joints[gap.first] = InfillConnection(gap.last, way)
+        joints[gap.last] = InfillConnection(gap.first, way[::-1])
     return joints
 
 

@@ -26,7 +26,7 @@ POLL_S = 0.05  # how often it is asked whether a search can begin
 STILL = "the source's own order, judged before anything is written"
 
 
-class _Search(Protocol):
+class _SearchSteps(Protocol):
     def ready(self) -> bool: ...
     def begin(self, stop: Stop) -> str | Planner: ...
     def search(self, chosen: str | Planner, stopping: Stopping) -> SearchResult: ...
@@ -34,7 +34,7 @@ class _Search(Protocol):
 
 @contextmanager
 def searched_beside(
-    order: _Search, *, stopping: Stopping, report: Report
+    order: _SearchSteps, *, stopping: Stopping, report: Report
 ) -> Iterator[Callable[[], SearchResult | None]]:
     """Search in a thread beside the body of a `with`, from when `order` is ready.
 

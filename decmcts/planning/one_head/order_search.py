@@ -25,7 +25,7 @@ from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
-from decmcts.team.schedule.cooling import Timed, cooled
+from decmcts.team.schedule.cooling import TimedOrder, cooled
 
 PROBE = 0.1  # share of the search time, for a first search that ignores cooling
 CLOSE = 1e-3  # share of the print time by which the clock of a search may be wrong
@@ -120,7 +120,7 @@ def search_cooled(
     """
     tries: list[tuple[float, SearchResult]] = []
 
-    def keep(result: SearchResult) -> Timed:
+    def keep(result: SearchResult) -> TimedOrder:
         found = cooled(job, machine, graph, lags, result.toolpath)
         tries.append((found.seconds, replace(result, toolpath=found.toolpath)))
         return found

@@ -24,7 +24,7 @@ NONE = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Runs:
+class ToolRuns:
     """An order, and where its tools change."""
 
     order: Ints  # (n,)
@@ -33,7 +33,7 @@ class Runs:
 
 def by_tool(
     graph: DependencyGraph, tool: NDArray[np.int16], stretch: Ints, may: May
-) -> Runs | None:
+) -> ToolRuns | None:
     """Return an order with few changes of tools; None where no allowed change leads on.
 
     Each stretch begins and ends with the tool that it begins and ends with in the source. Within
@@ -66,7 +66,7 @@ def by_tool(
             order += mine
             run += [number] * len(mine)
         number += 1
-    return Runs(np.array(order, np.int32), np.array(run, np.int32))
+    return ToolRuns(np.array(order, np.int32), np.array(run, np.int32))
 
 
 @dataclass(slots=True)

@@ -21,7 +21,7 @@ from decmcts.formats.gcode.writing.parts import without_blocks
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.options import Rules
-from decmcts.planning.problem.by_tool import Runs, by_tool
+from decmcts.planning.problem.by_tool import ToolRuns, by_tool
 from decmcts.planning.problem.layer_by_layer import with_epochs, with_source_lines
 from decmcts.planning.problem.planned import Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above, problem_of
@@ -100,7 +100,7 @@ def _waits(
 
 
 def _written(
-    source: Source, problem: PrintProblem, free: FreeChanges, runs: Runs, made_of: Regrouped
+    source: Source, problem: PrintProblem, free: FreeChanges, runs: ToolRuns, made_of: Regrouped
 ) -> Source | str:
     """Write the source in an order of its tools and return it as it is read back."""
     job, folder, order = source.job, SlicedFolder(), runs.order

@@ -30,7 +30,7 @@ BY_A_PERSON = "seen by a person"
 
 
 @dataclass(frozen=True, slots=True)
-class Wait:
+class RecordedWait:
     """A head that stood for another."""
 
     number: int  # of the plan
@@ -72,7 +72,7 @@ class Carried:
             self._works[place] = Work.of_plan(self.document, name)
         return self._works[place]
 
-    def log(self, waits: Sequence[Wait] = ()) -> EventLog:
+    def log(self, waits: Sequence[RecordedWait] = ()) -> EventLog:
         """Return all events in the order of their times, waits of this plan with them."""
         names = tuple(actions.head for actions in self.document.plan.heads)
         stood = [wait.event for wait in waits if wait.number == self.number]
@@ -161,7 +161,7 @@ class Carried:
 
 
 @dataclass(slots=True)
-class _Moves:
+class _HeadMoves:
     """The moves of one head, gathered."""
 
     points: list[Floats]
@@ -235,7 +235,7 @@ def course_of(
     One that never stated how an action ended is taken to have ended it. `moved` has when people put
     heads that failed elsewhere, and where.
     """
-    moves = _Moves([np.array([park])])
+    moves = _HeadMoves([np.array([park])])
     for carried in plans:
         begun: PrintEvent | None = None
         for event in carried.events_of(head):
@@ -252,9 +252,9 @@ def course_of(
     return moves.course()
 
 
-def waits_of(carried: Carried) -> list[Wait]:
+def waits_of(carried: Carried) -> list[RecordedWait]:
     """Return for whom heads stood in a plan: of all an action waited for, what came last."""
-    plan, found = carried.document.plan, list[Wait]()
+    plan, found = carried.document.plan, list[RecordedWait]()
     passed = {
         (e.head, e.action, e.point if e.kind is EventKind.PASSED else ACTION_END): e.time_s
         for e in carried.events if e.kind in (EventKind.PASSED, EventKind.ENDED)
@@ -274,7 +274,7 @@ def waits_of(carried: Carried) -> list[Wait]:
             if stood_s > LEAST_WAIT_S:
                 by = max(others, key=lambda e: passed.get((e.head, e.action, e.point), 0.0)).head
                 began = PrintEvent(EventKind.WAITS, place, last_s, event.action, 0, event.at, by=by)
-                found.append(Wait(carried.number, heads[place], heads[by], stood_s, began))
+                found.append(RecordedWait(carried.number, heads[place], heads[by], stood_s, began))
     return found
 
 

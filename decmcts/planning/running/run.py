@@ -14,7 +14,7 @@ from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.rest import refuse_other
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
-from decmcts.planning.running.recorded import Carried, Wait, nearest, waits_of
+from decmcts.planning.running.recorded import Carried, RecordedWait, nearest, waits_of
 from decmcts.print.brief import brief
 from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
@@ -51,7 +51,7 @@ class RunResult:
     failures: tuple[Failure, ...]
     moved: Mapping[int, tuple[float, Point]]
     near: tuple[Near, ...]
-    waits: tuple[Wait, ...]
+    waits: tuple[RecordedWait, ...]
     left: tuple[str, ...]
     reason: str
 

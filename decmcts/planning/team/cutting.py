@@ -16,7 +16,7 @@ from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Cut, Freedom
 from decmcts.planning.problem.print_problem import PrintProblem, order_graph
-from decmcts.print.cut import Grid, Lines, cut_job
+from decmcts.print.cut import CutLines, Grid, cut_job
 from decmcts.print.kinematics import line_up
 from decmcts.print.machine import Machine
 from decmcts.print.motion import level_travel, retraction_time, segment_times, travel_feed
@@ -252,7 +252,7 @@ def _hops(problem: PrintProblem) -> Hops:
     return Hops(least, 2.0 * math.sqrt(SHORT_MM / rate), long)
 
 
-def _cut(problem: PrintProblem, lines: Lines, cut: Cut) -> PrintProblem:
+def _cut(problem: PrintProblem, lines: CutLines, cut: Cut) -> PrintProblem:
     """Return the problem with its contours cut."""
     job, document, machine, rules = problem.job, problem.document, problem.machine, problem.rules
     longest = min(each.retract_min_travel_mm for each in job.settings.each())

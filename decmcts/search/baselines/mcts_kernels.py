@@ -155,7 +155,7 @@ def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
         rollout.travel[0] += d
 
 
-class Tree(NamedTuple):
+class ClusterTree(NamedTuple):
     """Nodes 0..size - 1 of `capacity`; children of a node are a linked list."""
 
     parent: NDArray[np.int32]  # (capacity,) NO_NODE at the root
@@ -168,12 +168,12 @@ class Tree(NamedTuple):
     size: NDArray[np.int64]  # (1,)
 
 
-def new_tree(capacity: int) -> Tree:
+def new_tree(capacity: int) -> ClusterTree:
     """Return a tree of one node, the root."""
     empty = np.full((5, capacity), NO_NODE, np.int32)
     empty[4] = 0
     visits, reward = np.zeros(capacity, np.int64), np.zeros(capacity)
-    return Tree(
+    return ClusterTree(
         empty[0].copy(),
         empty[1].copy(),
         empty[2].copy(),
@@ -185,7 +185,7 @@ def new_tree(capacity: int) -> Tree:
     )
 
 
-def with_room(tree: Tree, more: int, most: int) -> Tree:
+def with_room(tree: ClusterTree, more: int, most: int) -> ClusterTree:
     """Return a tree with room for so many `more` nodes: itself, or a larger copy.
 
     It never gets larger than `most` nodes; a full one goes on without growing.
@@ -194,14 +194,14 @@ def with_room(tree: Tree, more: int, most: int) -> Tree:
     if capacity >= most or size + more <= capacity:
         return tree
     larger = new_tree(min(2 * capacity + more, most))
-    for name in Tree._fields[:-1]:
+    for name in ClusterTree._fields[:-1]:
         getattr(larger, name)[:size] = getattr(tree, name)[:size]
     larger.size[0] = size
     return larger
 
 
 @kernel
-def select(tree: Tree, node: int, exploration: float) -> int:
+def select(tree: ClusterTree, node: int, exploration: float) -> int:
     """Return the child with the highest upper confidence bound (UCB1); first wins ties."""
     log_visits = math.log(tree.visits[node])
     best, highest = NO_NODE, -np.inf
@@ -216,7 +216,7 @@ def select(tree: Tree, node: int, exploration: float) -> int:
 
 
 @kernel
-def expand(tree: Tree, node: int, cluster: int) -> int:
+def expand(tree: ClusterTree, node: int, cluster: int) -> int:
     """Mutate the tree: add the child of `node` that prints `cluster`; return it."""
     child = tree.size[0]
     tree.size[0] += 1
@@ -229,7 +229,7 @@ def expand(tree: Tree, node: int, cluster: int) -> int:
 
 
 @kernel
-def backup(tree: Tree, node: int, reward: float) -> None:
+def backup(tree: ClusterTree, node: int, reward: float) -> None:
     """Mutate the tree: count `reward` for `node` and all its ancestors."""
     while node != NO_NODE:
         tree.visits[node] += 1
@@ -239,7 +239,7 @@ def backup(tree: Tree, node: int, reward: float) -> None:
 
 @kernel
 def untried(
-    tree: Tree,
+    tree: ClusterTree,
     node: int,
     rollout: Rollout,
     tried: NDArray[np.bool_],
@@ -265,7 +265,7 @@ def untried(
 
 @kernel
 def simulate(
-    tree: Tree,
+    tree: ClusterTree,
     clustered: Clustered,
     rollout: Rollout,
     tried: NDArray[np.bool_],
@@ -301,7 +301,7 @@ def simulate(
 
 @kernel
 def simulate_many(
-    tree: Tree,
+    tree: ClusterTree,
     clustered: Clustered,
     rollout: Rollout,
     tried: NDArray[np.bool_],

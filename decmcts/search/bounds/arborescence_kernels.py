@@ -30,7 +30,7 @@ class Heaps(NamedTuple):
     right: NDArray[np.int64]  # (m + n,)
 
 
-class Groups(NamedTuple):
+class DisjointSets(NamedTuple):
     """Contracted nodes: union by size with a history, so that joins can be undone."""
 
     parent: NDArray[np.int64]  # (n + 1,) NONE at a group's representative
@@ -43,7 +43,7 @@ class Cycles(NamedTuple):
     """The contracted cycles, oldest first."""
 
     group: NDArray[np.int64]  # (n,) representative after the contraction
-    joins: NDArray[np.int64]  # (n,) length of `Groups.joined` before it
+    joins: NDArray[np.int64]  # (n,) length of `DisjointSets.joined` before it
     first: NDArray[np.int64]  # (n + 1,) where its arcs begin in `arcs`
     arcs: NDArray[np.int64]  # (2n,)
     used: NDArray[np.int64]  # (1,)
@@ -91,7 +91,7 @@ def pop(heaps: Heaps, a: int) -> int:
 
 
 @kernel
-def find(groups: Groups, node: int) -> int:
+def find(groups: DisjointSets, node: int) -> int:
     """Return the representative of the group of a node."""
     while groups.parent[node] != NONE:
         node = groups.parent[node]
@@ -99,7 +99,7 @@ def find(groups: Groups, node: int) -> int:
 
 
 @kernel
-def join(groups: Groups, one: int, other: int) -> bool:
+def join(groups: DisjointSets, one: int, other: int) -> bool:
     """Mutate `groups`: join two groups; returns whether they were two."""
     one, other = find(groups, one), find(groups, other)
     if one == other:
@@ -114,7 +114,7 @@ def join(groups: Groups, one: int, other: int) -> bool:
 
 
 @kernel
-def undo_joins(groups: Groups, joins: int) -> None:
+def undo_joins(groups: DisjointSets, joins: int) -> None:
     """Mutate `groups`: undo all joins but the first `joins`."""
     while groups.used[0] > joins:
         groups.used[0] -= 1
@@ -145,7 +145,7 @@ def heap_arcs(
 
 @kernel
 def cheapest_into(
-    heaps: Heaps, groups: Groups, top: NDArray[np.int64], tail: NDArray[np.int64], group: int
+    heaps: Heaps, groups: DisjointSets, top: NDArray[np.int64], tail: NDArray[np.int64], group: int
 ) -> int:
     """Take the cheapest arc from outside into a group off its heap and return it, or NONE.
 
@@ -168,7 +168,7 @@ def cheapest_into(
 @kernel
 def contract(
     heaps: Heaps,
-    groups: Groups,
+    groups: DisjointSets,
     cycles: Cycles,
     top: NDArray[np.int64],
     path: NDArray[np.int64],
@@ -198,7 +198,7 @@ def contract(
 
 @kernel
 def expand(
-    groups: Groups, cycles: Cycles, into: NDArray[np.int64], head: NDArray[np.int64]
+    groups: DisjointSets, cycles: Cycles, into: NDArray[np.int64], head: NDArray[np.int64]
 ) -> None:
     """Mutate `into`: resolve the arcs into contracted groups to arcs into each node."""
     for at in range(cycles.used[0] - 1, -1, -1):
@@ -213,7 +213,7 @@ def expand(
 @kernel
 def grow(
     heaps: Heaps,
-    groups: Groups,
+    groups: DisjointSets,
     cycles: Cycles,
     top: NDArray[np.int64],
     tail: NDArray[np.int64],
@@ -263,7 +263,7 @@ def cheapest_arborescence(
     heaps = Heaps(np.empty(m + n), np.zeros(m + n), links[0], links[1])
     top = np.full(n + 1, NONE, np.int64)
     heap_arcs(offsets, weight, escape, heaps, top)
-    groups = Groups(
+    groups = DisjointSets(
         np.full(n + 1, NONE, np.int64),
         np.ones(n + 1, np.int64),
         np.empty(n + 1, np.int64),

@@ -39,7 +39,7 @@ ROUNDING = 1e-9  # of the largest number, times n: what a value is lowered by; s
 
 
 @dataclass(frozen=True, slots=True)
-class Arcs:
+class TravelArcs:
     """Travels that are looked at, by the contour they lead to; the root is the tail n."""
 
     offsets: NDArray[np.int64]  # (n + 1,)
@@ -48,12 +48,12 @@ class Arcs:
     cost: NDArray[np.float64]  # (m, 4) without prices, from either choice to either choice
 
     @staticmethod
-    def of(codes: NDArray[np.int64], cost: NDArray[np.float64], n: int) -> Arcs:
+    def of(codes: NDArray[np.int64], cost: NDArray[np.float64], n: int) -> TravelArcs:
         """Sort distinct arcs, each coded as tail · n + head, by their head."""
         tails, heads = codes // n, codes % n
         order = np.argsort(heads, kind="stable")
         offsets = np.concatenate([[0], np.cumsum(np.bincount(heads, minlength=n))])
-        return Arcs(offsets.astype(np.int64), tails[order], heads[order], cost[order])
+        return TravelArcs(offsets.astype(np.int64), tails[order], heads[order], cost[order])
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +175,7 @@ class Relaxation:
         cost[known] = self._cost
         cost[~known] = travel_costs(self.choices, codes[~known] // self.n, codes[~known] % self.n)
         self.codes, self._cost = codes, cost
-        self.arcs = Arcs.of(codes, cost, self.n)
+        self.arcs = TravelArcs.of(codes, cost, self.n)
         wanted = self.arcs.tails * self.n + self.arcs.heads
         place = np.searchsorted(self.exclusive.keys, wanted)
         self._priced = np.flatnonzero(np.append(self.exclusive.keys, -1)[place] == wanted)

@@ -103,7 +103,7 @@ def crossover(sequences: list[Sequence]) -> Sequence:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class SequenceBlock:
     """Positions [first, last) of a sequence, with a guard on each side that has one."""
 
     first: int
@@ -112,7 +112,7 @@ class Block:
     guards: tuple[int, int]  # 0 or 1 before and behind
     tour: Tour  # local numbers are positions at the time of cutting
 
-    def twin(self) -> Block:
+    def twin(self) -> SequenceBlock:
         """Return the same block, to be changed apart from this one."""
         tour, own = self.tour, self.tour.metric
         if len(self.entries):
@@ -130,7 +130,7 @@ class Block:
         )
         return replace(self, tour=twin)
 
-    def within(self, group: NDArray[np.int32]) -> Block:
+    def within(self, group: NDArray[np.int32]) -> SequenceBlock:
         """Return the block with moves only within equal `group`, (n,) by contour."""
         return replace(self, tour=self.tour._replace(group=group[self.ids]))
 
@@ -144,7 +144,7 @@ class Block:
             sequence.entry_id[self.ids[entered]] = self.entries[self.tour.entry_id[entered]]
 
 
-def cut(sequence: Sequence, first: int, last: int) -> Block:
+def cut(sequence: Sequence, first: int, last: int) -> SequenceBlock:
     """Return positions [first, last) as a block.
 
     Takes time in proportion to all contours and entries, and to the edges of the block.
@@ -192,7 +192,7 @@ def cut(sequence: Sequence, first: int, last: int) -> Block:
         lags=no_lag_state() if timed_lags is None else timed_lags.state(own, ids),
     )
     refresh(tour, 0, k)
-    return Block(first, ids, seams.entries, guards, tour)
+    return SequenceBlock(first, ids, seams.entries, guards, tour)
 
 
 class _BlockSeams(NamedTuple):

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.random_kernels import seeded, uniform
-from decmcts.search.decomposition.blocks import Block, Sequence, crossover, cut
+from decmcts.search.decomposition.blocks import Sequence, SequenceBlock, crossover, cut
 from decmcts.search.decomposition.descent_kernels import descend
 from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.annealing import TemperatureSchedule
@@ -94,7 +94,7 @@ def anneal_sequences(
     contour and non-decreasing along the sequence. Mutates the sequences and the generators.
     Each is offered to the incumbent.
     """
-    tours: list[Block] = []
+    tours: list[SequenceBlock] = []
 
     def begin() -> None:
         tours[:] = [cut(sequence, 0, len(sequence.order)) for sequence in sequences]
@@ -176,7 +176,7 @@ def anneal_blocks(
     offered to the incumbent at each meeting.
     """
     n, count = len(sequence.order), len(threads.states)
-    shares: list[list[Block]] = []
+    shares: list[list[SequenceBlock]] = []
     whole, begun, lasting = False, 0, 1 + (n + len(sequence.problem.graph.preds)) // _CUT_A_ROUND
 
     def begin() -> None:
@@ -264,13 +264,13 @@ class _Round:
             )
 
 
-def _whole(sequence: Sequence, count: int) -> list[list[Block]]:
+def _whole(sequence: Sequence, count: int) -> list[list[SequenceBlock]]:
     """Return the whole sequence for each thread."""
     block = cut(sequence, 0, len(sequence.order))
     return [[block], *([block.twin()] for _ in range(count - 1))]
 
 
-def _parted(sequence: Sequence, threads: Threads, most: int) -> list[list[Block]]:
+def _parted(sequence: Sequence, threads: Threads, most: int) -> list[list[SequenceBlock]]:
     """Return the blocks of each thread, about as many contours for each.
 
     There are `most` for each thread and one more in all, fewer where they would be too small.
@@ -281,7 +281,7 @@ def _parted(sequence: Sequence, threads: Threads, most: int) -> list[list[Block]
     shift = uniform(threads.cutting)
     places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n]
     blocks = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
-    shares: list[list[Block]] = [[] for _ in range(count)]
+    shares: list[list[SequenceBlock]] = [[] for _ in range(count)]
     for block in sorted(blocks, key=lambda block: (-len(block.ids), block.first)):
         min(shares, key=lambda share: sum(len(p.ids) for p in share)).append(block)
     return shares

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_sequences
-from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.greedy import layer_runs
 
@@ -50,12 +50,12 @@ class Multistart:
         if min(self.hot, self.mild, self.cold) <= 0.0:
             raise ValueError("hot, mild and cold: expected more than 0")
 
-    def suits(self, search: Search) -> bool:
+    def suits(self, search: HybridSearch) -> bool:
         """Tell whether one whole sequence a thread is better than a partition of one among them."""
         n, steps = len(search.incumbent.problem), search.threads.steps(search.incumbent.stopping)
         return n <= self.always or n <= min(self.at_most, steps / self.least)
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Anneal all starts, round by round; offer what is found."""
         incumbent, threads = search.incumbent, search.threads
         plain, layered = search.best(), search.layered
@@ -89,7 +89,7 @@ class Multistart:
                 layered.offer_to(incumbent)
                 layered_won = layered_won or sequences[-1].cost < sequences[0].cost
 
-    def rounds(self, search: Search) -> int:
+    def rounds(self, search: HybridSearch) -> int:
         """Return how many rounds there is time for."""
         incumbent, problem = search.incumbent, search.incumbent.problem
         choices = len(problem)

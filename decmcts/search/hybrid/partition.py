@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_blocks, anneal_sequences
-from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.sequence.annealing import DESCENT_FROM, TemperatureSchedule
 from decmcts.search.sequence.greedy import layer_runs
 
@@ -38,13 +38,13 @@ class Partition:
         if min(self.hot, self.warm, self.cold) <= 0.0:
             raise ValueError("hot, warm and cold: expected more than 0")
 
-    def affords_windows(self, search: Search) -> bool:
+    def affords_windows(self, search: HybridSearch) -> bool:
         """Tell whether, at the pace so far, there is time for windows."""
         incumbent = search.incumbent
         steps_each = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
         return steps_each >= self.for_windows
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Anneal the best sequence on all threads together."""
         large = len(search.incumbent.problem) >= self.layers_from
         if large and search.layered is not None:
@@ -64,7 +64,7 @@ class Partition:
 
     def _anneal(
         self,
-        search: Search,
+        search: HybridSearch,
         sequence: Sequence,
         schedule: TemperatureSchedule,
         until: float,
@@ -75,7 +75,7 @@ class Partition:
             search.incumbent, sequence, search.threads, schedule, until, blocks=blocks
         )
 
-    def _within_layers(self, search: Search, layered: Sequence) -> Iterator[None]:
+    def _within_layers(self, search: HybridSearch, layered: Sequence) -> Iterator[None]:
         """Anneal within layers on each thread, and cross the results."""
         incumbent, threads = search.incumbent, search.threads
         sequences, until = [layered.copy() for _ in threads.states], incumbent.spent + self.layers

@@ -21,7 +21,7 @@ from decmcts.search.bounds.exact import WIDEST, Patience, solve_exactly
 from decmcts.search.decomposition.threads import anneal_rounds, descend_fully, open_threads
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.partition import Partition
-from decmcts.search.hybrid.search import Phase, Search
+from decmcts.search.hybrid.search import HybridSearch, SearchPhase
 from decmcts.search.hybrid.starts import LayeredStart, Starts
 from decmcts.search.hybrid.windows import Windows
 from decmcts.search.sequence.annealing import DESCENT_FROM
@@ -35,7 +35,7 @@ class Exact:
     probe: float = 0.15  # for finding out how long an exact solution would take
     share: float = 0.75  # the longest it may take; 0: no exact solutions
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Solve the problem if it can be solved in time; then the search is over."""
         incumbent = search.incumbent
         if self.share > 0.0:
@@ -67,7 +67,7 @@ class Lagged:
     hot: float = 0.5
     cold: float = 0.03
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Anneal in rounds."""
         search.incumbent.tick()
         yield
@@ -80,7 +80,7 @@ class Lagged:
 class Descent:
     """The last of each search: the nearest local optimum, directions and entries that suit it."""
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Take moves that gain, as long as there are any."""
         incumbent = search.incumbent
         incumbent.offer_order(incumbent.order)
@@ -113,17 +113,17 @@ class Hybrid:
         if len(incumbent.problem) < 2:
             return
         with open_threads(self.threads, seed, crosses=self.crosses) as threads:
-            for _ in self._steps(Search(incumbent, threads)):
+            for _ in self._steps(HybridSearch(incumbent, threads)):
                 if incumbent.over:
                     break
 
-    def _steps(self, search: Search) -> Iterator[None]:
+    def _steps(self, search: HybridSearch) -> Iterator[None]:
         """Yield wherever the search may end."""
         for phase in self.phases(search):
             yield from phase.run(search)
             yield
 
-    def phases(self, search: Search) -> Iterator[Phase]:
+    def phases(self, search: HybridSearch) -> Iterator[SearchPhase]:
         """Yield the phases; each is chosen when it is due."""
         if search.incumbent.problem.timed_lags is not None:
             yield self.lagged

@@ -17,7 +17,7 @@ from decmcts.search.sequence.neighbours import near_ports
 
 
 @dataclass(slots=True)
-class Search:
+class HybridSearch:
     """The best sequence so far, and what phases need and find out; mutable."""
 
     incumbent: Incumbent
@@ -43,9 +43,9 @@ class Search:
         return Sequence.best_of(self.incumbent, self.near)
 
 
-class Phase(Protocol):
+class SearchPhase(Protocol):
     """A part of a search."""
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Improve the incumbent; yield wherever the search may end."""
         ...

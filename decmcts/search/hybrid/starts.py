@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
 
 
@@ -15,7 +15,7 @@ from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
 class Starts:
     """The nearest next within layers, and within height buffers of several sizes."""
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Offer all of them."""
         incumbent = search.incumbent
         search.by_layers = nearest_in_layers(incumbent)
@@ -31,7 +31,7 @@ class LayeredStart:
 
     most_cost: float = 1.15  # of an order by layers, in costs of the best start; 0: never
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Set the layered start: the best sequence if it goes by layers, else the nearest.
 
         The nearest gets the entries that suit it, and is left out if it then costs more

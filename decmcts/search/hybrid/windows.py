@@ -17,7 +17,7 @@ from decmcts.search.bounds.exact import Capacity, slack_of
 from decmcts.search.bounds.ideals_kernels import Ideals
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.decomposition.threads import ROUND_S, Threads
-from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.hybrid.windows_kernels import solve_windows
 from decmcts.search.sequence.annealing import DESCENT_FROM
 from decmcts.search.sequence.incumbent import Incumbent
@@ -100,6 +100,6 @@ class Windows:
 
     until: float = DESCENT_FROM  # share
 
-    def run(self, search: Search) -> Iterator[None]:
+    def run(self, search: HybridSearch) -> Iterator[None]:
         """Improve the best sequence."""
         yield from improve_windows(search.incumbent, search.best(), search.threads, self.until)

@@ -40,7 +40,7 @@ from decmcts.search.bounds.chains_kernels import longest_chain
 from decmcts.team.bounds.least_time import choices, least_times
 from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.bounds.pair_bound import pair_bound
-from decmcts.team.bounds.rail_bound import Held, rail_bound
+from decmcts.team.bounds.rail_bound import RailUse, rail_bound
 from decmcts.team.bounds.run_on import saved_by_running_on
 from decmcts.team.engine.order import MOST_PIECES, PIECE_MM
 from decmcts.team.engine.pieces_kernels import cut_pieces
@@ -144,7 +144,7 @@ def _held_along(
     machine: Machine,
     parts: NDArray[np.float64],
     entries: SeamEntries | None,
-) -> Held:
+) -> RailUse:
     """Return what space along an axis is held, wherever loops may be entered."""
     held = _held(job, machine, parts, axis)
     if entries is not None and machine.release == "point":
@@ -155,8 +155,8 @@ def _held_along(
 
 
 def _with_travels(
-    held: Held, contours: Contours, axis: int, entries: SeamEntries | None, shares: TravelShares
-) -> Held:
+    held: RailUse, contours: Contours, axis: int, entries: SeamEntries | None, shares: TravelShares
+) -> RailUse:
     """Return what is held with the shares of travels besides.
 
     A head is no farther from where it ended a contour, or begins one, than it gets in that time.
@@ -180,10 +180,12 @@ def _with_travels(
         seconds.append(share[contour])
     choice = np.concatenate([held.choice, choice, choice])
     travels = np.arange(len(choice)) >= len(held.choice)
-    return Held(np.concatenate(low), np.concatenate(high), np.concatenate(seconds), choice, travels)
+    return RailUse(
+        np.concatenate(low), np.concatenate(high), np.concatenate(seconds), choice, travels
+    )
 
 
-def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
+def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> RailUse:
     """Return what space along an axis each piece of each contour holds, and for how long.
 
     Pieces are those that `decmcts.team.engine.order` makes, of contours it may reverse.
@@ -202,12 +204,12 @@ def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int
     is_last = np.diff(choice, append=-1) != 0
     end = np.where(is_last, spent[last] - spent[first], np.roll(begin, -1))
     low, high = pieces.space[:, 2 * axis], pieces.space[:, 2 * axis + 1]
-    return Held(low, high, end - begin, choice)
+    return RailUse(low, high, end - begin, choice)
 
 
 def _entered_anywhere(
-    held: Held, contours: Contours, parts: NDArray[np.float64], axis: int, entries: SeamEntries
-) -> Held:
+    held: RailUse, contours: Contours, parts: NDArray[np.float64], axis: int, entries: SeamEntries
+) -> RailUse:
     """Return what is held if loops may be entered at `entries`, and run in either direction.
 
     Of such a loop a head holds at least the segment it prints, less the seam's gap, which may
@@ -222,7 +224,7 @@ def _entered_anywhere(
     gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner] + SLIVER_MM
     rows = moved[owner]
     stays = ~moved[held.choice // 2]
-    return Held(
+    return RailUse(
         np.concatenate([held.low[stays], (np.minimum(before, at) + gap)[rows]]),
         np.concatenate([held.high[stays], (np.maximum(before, at) - gap)[rows]]),
         np.concatenate([held.seconds[stays], parts[rows]]),
@@ -230,7 +232,7 @@ def _entered_anywhere(
     )
 
 
-def _whole_from_any(held: Held, contours: Contours, axis: int, entries: SeamEntries) -> Held:
+def _whole_from_any(held: RailUse, contours: Contours, axis: int, entries: SeamEntries) -> RailUse:
     """Return what whole contours hold from every entry: the gap may lie where one reaches out.
 
     `held` has one piece a contour.

@@ -22,7 +22,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from decmcts.print.machine import Machine
-from decmcts.team.bounds.rail_bound import Held, whole_of
+from decmcts.team.bounds.rail_bound import RailUse, whole_of
 from decmcts.team.engine.space import relation_of
 from decmcts.team.engine.spaces_kernels import TOUCH
 
@@ -35,8 +35,8 @@ Bools = NDArray[np.bool_]
 
 
 def pair_bound(
-    along_x: Held,
-    along_y: Held,
+    along_x: RailUse,
+    along_y: RailUse,
     machine: Machine,
     *,
     height_mm: float,
@@ -46,7 +46,7 @@ def pair_bound(
 
     Parameters
     ----------
-    along_x, along_y : Held
+    along_x, along_y : RailUse
         What is held of the bed, the same pieces in both.
     height_mm : float
         Of the print; what comes too near only at some heights counts as clear.
@@ -77,7 +77,7 @@ def _sums(group: Ints, values: Floats) -> Floats:
     return np.bincount(group, weights=values).astype(np.float64)
 
 
-def _spaces(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
+def _spaces(along_x: RailUse, along_y: RailUse, most: int) -> tuple[Floats, Ints]:
     """Return the different spaces, and each piece's: low and high x, low and high y.
 
     First four sides of what is still held, then four of the whole contour.

@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Held(NamedTuple):
+class RailUse(NamedTuple):
     """What heads hold along the rail, piece by piece, and for how long."""
 
     low: Floats  # (k,) mm
@@ -46,7 +46,7 @@ class Held(NamedTuple):
     travels: NDArray[np.bool_] | None = None  # (k,) what is no print; None: nothing
 
 
-def rail_bound(held: Held, *, separation_mm: float, heads: int) -> float:
+def rail_bound(held: RailUse, *, separation_mm: float, heads: int) -> float:
     """Return seconds that no joint plan of this work can beat.
 
     The relaxation generalises the fractional matching of two heads to any number.
@@ -74,7 +74,7 @@ class _Places(NamedTuple):
         return int(max(self.low.max(), self.whole_high.max() + apart)) + 1
 
 
-def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
+def _places(held: RailUse, separation_mm: float) -> tuple[_Places, Ints, int]:
     """Return the different places, the place of each piece, and the separation in cells."""
     travels = np.zeros(len(held.choice), np.bool_) if held.travels is None else held.travels
     edges = _edges(held, travels)
@@ -94,7 +94,7 @@ def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
             cell *= 2.0
 
 
-def _edges(held: Held, travels: NDArray[np.bool_]) -> Floats:
+def _edges(held: RailUse, travels: NDArray[np.bool_]) -> Floats:
     """Return where each piece and its whole contour begin and end, mm from the least, (k, 4)."""
     edges = np.column_stack([held.low, held.high, held.low, held.high])
     prints = ~travels
@@ -121,7 +121,7 @@ class _Worth(NamedTuple):
     begins: Ints  # (contours,) first choice of each
 
 
-def _worth(held: Held, place: Ints, places: int) -> _Worth:
+def _worth(held: RailUse, place: Ints, places: int) -> _Worth:
     """Return the worth of all contours; those with one choice are put together."""
     contours = int(held.choice.max()) // 2 + 1
     both = np.zeros(contours, np.bool_)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.touching import SHELLS
 from decmcts.print.contours import Contours, Role
-from decmcts.print.cut import LEAST_MM, OUTSIDE, Lines
+from decmcts.print.cut import LEAST_MM, OUTSIDE, CutLines
 from decmcts.print.cut_kernels import SNAP_MM
 from decmcts.print.loops import FLAT_MM
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
@@ -292,14 +292,14 @@ def _windows(strips: Strips, apart_mm: Floats, low: Floats, high: Floats) -> Non
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class WholeContours:
     """Where each contour of the source is printed if it stays whole."""
 
     region: Ints  # (n,)
     fits: Flags  # (n,) it lies within what heads may share then
 
 
-def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
+def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> WholeContours:
     """Return the region of each contour: walls go with the first step they touch.
 
     So nothing that touches a wall is printed before it. What is filled in goes with the last.
@@ -325,7 +325,7 @@ def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
     )
     rows = np.arange(len(layer))
     over = np.maximum(padded[rows, region] - low, high - padded[rows, region + 1])
-    return Places(region, fits & (~spread.may | (over <= OVER_MM)))
+    return WholeContours(region, fits & (~spread.may | (over <= OVER_MM)))
 
 
 def _by_step(layout: Layout, layer: Ints, begin: Ints, end: Ints, first: Flags) -> Ints:
@@ -339,9 +339,11 @@ def _by_step(layout: Layout, layer: Ints, begin: Ints, end: Ints, first: Flags) 
     return region
 
 
-def lines_of(contours: Contours, layout: Layout, spread: Cuttable, places: Places) -> Lines:
+def lines_of(
+    contours: Contours, layout: Layout, spread: Cuttable, places: WholeContours
+) -> CutLines:
     """Return where each contour is cut: nowhere if it may stay whole."""
     edges = layout.lines[contours.layer, spread.depth]
     cut = np.isfinite(edges) & (spread.may & ~places.fits)[:, None]
     offsets = np.concatenate([[0], np.cumsum(cut.sum(axis=1))]).astype(np.int64)
-    return Lines(layout.axis, edges[cut], offsets)
+    return CutLines(layout.axis, edges[cut], offsets)

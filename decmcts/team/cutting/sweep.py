@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.team.cutting.layout import Cuttable, Layout, Places
+from decmcts.team.cutting.layout import Cuttable, Layout, WholeContours
 from decmcts.team.engine.carry_out_kernels import OK, carry_out
 from decmcts.team.engine.order import sequences_of
 from decmcts.team.engine.plans import StatedOrder
@@ -27,7 +27,9 @@ class Sweep:
     late: NDArray[np.bool_]  # (n_source,) some of it is printed at a later step than lies there
 
 
-def sweep_order(problem: TeamProblem, layout: Layout, places: Places, spread: Cuttable) -> Sweep:
+def sweep_order(
+    problem: TeamProblem, layout: Layout, places: WholeContours, spread: Cuttable
+) -> Sweep:
     """Return the order in which the heads sweep the layers.
 
     At each step the head that is ahead comes first, so that no head waits for one behind it.
@@ -38,7 +40,7 @@ def sweep_order(problem: TeamProblem, layout: Layout, places: Places, spread: Cu
     ----------
     problem : TeamProblem
         Of the cut print.
-    places : Places
+    places : WholeContours
         Of the source's contours.
     spread : Cuttable
         Of the source.

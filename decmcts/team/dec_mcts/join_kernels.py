@@ -20,7 +20,7 @@ from decmcts.team.dec_mcts.windows_kernels import (
     undo,
     update_tails,
 )
-from decmcts.team.engine.joint_kernels import Heads, Units, Visits
+from decmcts.team.engine.joint_kernels import TeamState, Units, Visits
 from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, link, replay
 from decmcts.team.engine.spaces_kernels import Fleet
 
@@ -36,7 +36,7 @@ def lateness(turn: int, fleet: Fleet, marks: Marks) -> float:
 def join(
     makespan: float, windows: NDArray[np.int64], order: NDArray[np.int64],
     head: NDArray[np.int64], is_reversed: NDArray[np.bool_], joint: JointOrder, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks,
+    fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
 ) -> float:  # fmt: skip
     """Take what is better of another order; return the makespan, which never grows.
 

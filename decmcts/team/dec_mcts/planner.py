@@ -46,9 +46,9 @@ from decmcts.team.engine.plans import (
 )
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import fleet_for, is_allowed, resolve
-from decmcts.team.engine.values import EACH, JointValues, Plan, Proposal, Team
+from decmcts.team.engine.values import EACH, BestJointPlan, JointValues, Plan, Team
 
-__all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
+__all__ = ["BestJointPlan", "DecMcts", "Parameters", "PlanDistribution"]
 
 AT_ONCE = 200_000  # contours placed when policies are tried, about a second's work
 # Where so many policies all end this much later than the order to begin with no more are tried.
@@ -72,7 +72,7 @@ class _Polishing(NamedTuple):
     start_s: float  # makespan of the best plans of macro-actions when it began
     gained_s: float = 0.0  # by which the order it began with was shorter than those
 
-    def outdone_by(self, start: Proposal) -> bool:
+    def outdone_by(self, start: BestJointPlan) -> bool:
         """Whether to polish this start instead."""
         gained = self.gained_s + self.polish.began_s - self.polish.best_s
         return start.makespan_s < self.start_s - max(ANEW * gained, 1e-3 * self.start_s)
@@ -129,7 +129,7 @@ class DecMcts:
             self._keep_polished(self._polishing)
             self._follow(stated, self._values.makespan(received, team), team)
 
-    def knows_less_than(self, proposal: Proposal, live: Sequence[int]) -> bool:
+    def knows_less_than(self, proposal: BestJointPlan, live: Sequence[int]) -> bool:
         """Whether another head's joint plan claims to be better than all known here."""
         known = self._values.best.get(_team(live))
         return known is not None and proposal.makespan_s < known.makespan_s
@@ -138,12 +138,12 @@ class DecMcts:
         """Drop what is known of another head."""
         self._others.pop(head, None)
 
-    def best(self, live: Sequence[int]) -> Proposal:
+    def best(self, live: Sequence[int]) -> BestJointPlan:
         """Return the best joint plan found so far for these live heads."""
         team = _team(live)
         if team not in self._values.best:
             plans = {r: self._likeliest(r) for r in team}
-            found = Proposal(plans, resolve(self.problem, plans, team).makespan_s)
+            found = BestJointPlan(plans, resolve(self.problem, plans, team).makespan_s)
             self._values.best[team] = found
         return self._values.best[team]
 

@@ -17,10 +17,10 @@ from scipy.spatial import cKDTree
 
 from decmcts.random_kernels import log_uniform, seeded
 from decmcts.team.dec_mcts.join_kernels import join
-from decmcts.team.dec_mcts.polish_kernels import RUN, SHORTEST, Annealing, Moves, polish
+from decmcts.team.dec_mcts.polish_kernels import RUN, SHORTEST, Annealing, PolishMoves, polish
 from decmcts.team.dec_mcts.recreate_kernels import Guide, recreate
 from decmcts.team.engine.dispatch_kernels import new_pool
-from decmcts.team.engine.joint_kernels import NONE, Heads, all_parked, new_units
+from decmcts.team.engine.joint_kernels import NONE, TeamState, all_parked, new_units
 from decmcts.team.engine.plans import POLICIES, StatedOrder
 from decmcts.team.engine.policy import policy_of
 from decmcts.team.engine.problem import TeamProblem
@@ -152,7 +152,7 @@ def _joint_of(stated: StatedOrder, heads: int) -> JointOrder:
     return made
 
 
-def _marks(n: int, heads: Heads) -> Marks:
+def _marks(n: int, heads: TeamState) -> Marks:
     """Return marks that know only the beginning."""
     count = len(heads.free)
     marks = Marks(
@@ -164,7 +164,7 @@ def _marks(n: int, heads: Heads) -> Marks:
     return marks
 
 
-def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Moves:
+def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> PolishMoves:
     n = len(problem.macro)
     ends = problem.visits.ends.reshape(-1, 3) * [1.0, 1.0, LEVEL_MM]
     near = np.zeros((0, 1), np.int64)
@@ -172,7 +172,7 @@ def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Moves:
         near = cKDTree(ends).query(ends, min(NEAR + 2, 2 * n))[1] // 2
         own = near == np.arange(2 * n)[:, None] // 2
         near = np.take_along_axis(near, np.argsort(own, axis=1, kind="stable"), axis=1)[:, :NEAR]
-    return Moves(
+    return PolishMoves(
         np.ascontiguousarray(near, np.int32), eligible,
         problem.graph.succ_offsets, problem.graph.succs,
         np.empty(RUN, np.int64), np.empty(n, np.int64),

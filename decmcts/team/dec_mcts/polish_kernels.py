@@ -27,7 +27,7 @@ from decmcts.team.dec_mcts.windows_kernels import (
     update_tails,
     with_lateness,
 )
-from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits, end_of
+from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits, end_of
 from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, place_turns, replay
 from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
@@ -50,7 +50,7 @@ class Annealing(NamedTuple):
     shortest: int  # turns of a window, at least; all of an order that has fewer
 
 
-class Moves(NamedTuple):
+class PolishMoves(NamedTuple):
     """What moves may draw from; the last two are scratch."""
 
     near: NDArray[np.int32]  # (2 n, k) contours near where contour c begins, 2 c, and ends
@@ -62,7 +62,9 @@ class Moves(NamedTuple):
 
 
 @inlined
-def draw_run(c: int, end: int, joint: JointOrder, moves: Moves, state: NDArray[np.uint64]) -> int:
+def draw_run(
+    c: int, end: int, joint: JointOrder, moves: PolishMoves, state: NDArray[np.uint64]
+) -> int:
     """Write to `moves.run` a run of c's head from c on, before turn `end`; how long it is."""
     wanted = 1 if uniform(state) < 0.5 else length_up_to(state, RUN)
     count = 0
@@ -86,7 +88,7 @@ def seconds_between(
 
 @inlined
 def travel_saved(
-    count: int, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet
+    count: int, joint: JointOrder, moves: PolishMoves, visits: Visits, fleet: Fleet
 ) -> float:
     """Seconds of travel that its head saves without the run."""
     first, last, back = moves.run[0], moves.run[count - 1], joint.reversed
@@ -100,7 +102,7 @@ def travel_saved(
 
 @inlined
 def travel_added(
-    count: int, p: int, q: int, r: int, joint: JointOrder, moves: Moves, visits: Visits,
+    count: int, p: int, q: int, r: int, joint: JointOrder, moves: PolishMoves, visits: Visits,
     fleet: Fleet,
 ) -> tuple[float, bool]:  # fmt: skip
     """Return the seconds of travel the run costs head r, and whether a run of one is reversed."""
@@ -118,7 +120,7 @@ def travel_added(
 
 
 @inlined
-def in_run(c: int, count: int, joint: JointOrder, moves: Moves) -> bool:
+def in_run(c: int, count: int, joint: JointOrder, moves: PolishMoves) -> bool:
     """Whether contour c is one of the run."""
     first, last = moves.run[0], moves.run[count - 1]
     within = joint.turn[first] <= joint.turn[c] <= joint.turn[last]
@@ -127,7 +129,7 @@ def in_run(c: int, count: int, joint: JointOrder, moves: Moves) -> bool:
 
 @inlined
 def allowed_turns(
-    low: int, high: int, count: int, joint: JointOrder, moves: Moves, visits: Visits
+    low: int, high: int, count: int, joint: JointOrder, moves: PolishMoves, visits: Visits
 ) -> tuple[int, int]:
     """First and last turn of low..high before which precedence lets the run come."""
     for k in range(count):
@@ -144,7 +146,9 @@ def allowed_turns(
 
 
 @inlined
-def neighbours(turn: int, r: int, count: int, joint: JointOrder, moves: Moves) -> tuple[int, int]:
+def neighbours(
+    turn: int, r: int, count: int, joint: JointOrder, moves: PolishMoves
+) -> tuple[int, int]:
     """Return what head r prints before and from a turn on, without the run; NONE: nothing."""
     p, row = NONE, turn
     while row > 0 and p == NONE:
@@ -163,7 +167,9 @@ def neighbours(turn: int, r: int, count: int, joint: JointOrder, moves: Moves) -
 
 
 @inlined
-def rearrange(begin: int, end: int, count: int, goal: int, joint: JointOrder, moves: Moves) -> None:
+def rearrange(
+    begin: int, end: int, count: int, goal: int, joint: JointOrder, moves: PolishMoves
+) -> None:
     """Write turns begin..end - 1 to `moves.trial` with the run before turn `goal`."""
     row = begin
     for turn in range(begin, end + 1):
@@ -181,7 +187,7 @@ def rearrange(begin: int, end: int, count: int, goal: int, joint: JointOrder, mo
 
 @inlined
 def estimate_delay(
-    count: int, new: int, gain: float, cost: float, at: int, joint: JointOrder, moves: Moves,
+    count: int, new: int, gain: float, cost: float, at: int, joint: JointOrder, moves: PolishMoves,
     visits: Visits, marks: Marks, annealing: Annealing,
 ) -> float:  # fmt: skip
     """Estimate how much later the print ends after a move, as if no head had to wait.
@@ -207,7 +213,9 @@ def estimate_delay(
 
 
 @inlined
-def assign_run(count: int, r: int, is_reversed: bool, joint: JointOrder, moves: Moves) -> None:
+def assign_run(
+    count: int, r: int, is_reversed: bool, joint: JointOrder, moves: PolishMoves
+) -> None:
     """Let head r print the run; a run of one is reversed as told (mutates joint)."""
     for k in range(count):
         joint.head[moves.run[k]] = r
@@ -217,8 +225,9 @@ def assign_run(count: int, r: int, is_reversed: bool, joint: JointOrder, moves: 
 
 @apart
 def evaluate_trial(
-    begin: int, top: int, end: int, most: float, joint: JointOrder, moves: Moves, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks, annealing: Annealing,
+    begin: int, top: int, end: int, most: float, joint: JointOrder, moves: PolishMoves,
+    visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
+    annealing: Annealing,
 ) -> float:  # fmt: skip
     """Return by how much `moves.trial` makes the print later, judged at turn `end`.
 
@@ -265,7 +274,12 @@ def relink(begin: int, top: int, r: int, joint: JointOrder) -> None:
 
 @inlined
 def draw_goal(
-    low: int, high: int, count: int, joint: JointOrder, moves: Moves, state: NDArray[np.uint64]
+    low: int,
+    high: int,
+    count: int,
+    joint: JointOrder,
+    moves: PolishMoves,
+    state: NDArray[np.uint64],
 ) -> tuple[int, int]:
     """Draw the turn before which the run is to come, and its head; NONE: no such turn."""
     first, last = moves.run[0], moves.run[count - 1]
@@ -285,8 +299,8 @@ def draw_goal(
 
 @apart
 def move_run(
-    low: int, high: int, reach: int, joint: JointOrder, moves: Moves, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks, annealing: Annealing,
+    low: int, high: int, reach: int, joint: JointOrder, moves: PolishMoves, visits: Visits,
+    fleet: Fleet, units: Units, heads: TeamState, marks: Marks, annealing: Annealing,
     state: NDArray[np.uint64],
 ) -> bool:  # fmt: skip
     """Propose one move within turns low..high - 1 and make it if accepted.
@@ -357,8 +371,9 @@ def move_run(
 
 @inlined
 def polish_window(
-    low: int, high: int, annealing: Annealing, joint: JointOrder, moves: Moves, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks, state: NDArray[np.uint64],
+    low: int, high: int, annealing: Annealing, joint: JointOrder, moves: PolishMoves,
+    visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
+    state: NDArray[np.uint64],
 ) -> tuple[bool, float]:  # fmt: skip
     """Polish turns low..high - 1, judged at the end of turns a little behind.
 
@@ -385,7 +400,7 @@ def polish_window(
 @kernel
 def polish(
     makespan: float, windows: int, annealing: Annealing, joint: JointOrder,
-    moves: Moves, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks,
+    moves: PolishMoves, visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
     state: NDArray[np.uint64],
 ) -> float:  # fmt: skip
     """Polish `windows` random windows (mutates all but visits, fleet); return the makespan.

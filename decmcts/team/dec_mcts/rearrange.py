@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from decmcts.team.engine.plans import MOST_LATER, Changes, decode, encode_changes
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.engine.start import Start
+from decmcts.team.engine.start import StartingOrder
 
 NEAR_MM = 8.0  # macro-actions of different layers no farther apart lie above one another
 GIVE, MOVE = 0.35, 0.8  # chance of a gift, and of that or another turn; else as at first
@@ -66,7 +66,7 @@ def _neighbour(r: int, row: Ints, rng: np.random.Generator) -> int:
     return int(row[rng.choice([p for p in (place - 1, place + 1) if 0 <= p < len(row)])])
 
 
-def _above_one_another(start: Start, r: int, rng: np.random.Generator) -> Ints:
+def _above_one_another(start: StartingOrder, r: int, rng: np.random.Generator) -> Ints:
     """Return macro-actions of a head at one place of some layers, all or every second one."""
     own = np.flatnonzero(start.head == r)
     if not len(own):

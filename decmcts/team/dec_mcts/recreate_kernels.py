@@ -42,7 +42,7 @@ from decmcts.team.engine.dispatch_kernels import (
     wake,
     write_keys,
 )
-from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits, ready_at
+from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits, ready_at
 from decmcts.team.engine.replay_kernels import (
     JointOrder,
     Marks,
@@ -86,7 +86,7 @@ def draw_policy(contours: NDArray[np.int64], guide: Guide, state: NDArray[np.uin
 
 @inlined
 def open_window(
-    contours: NDArray[np.int64], visits: Visits, units: Units, heads: Heads, guide: Guide
+    contours: NDArray[np.int64], visits: Visits, units: Units, heads: TeamState, guide: Guide
 ) -> None:
     """Say that these contours, and no others, are left to do (mutates guide)."""
     pool, policy = guide.pool, guide.policy
@@ -115,7 +115,7 @@ def open_window(
 @apart
 def dispatch_window(
     begin: int, contours: NDArray[np.int64], most: float, visits: Visits, fleet: Fleet,
-    units: Units, heads: Heads, marks: Marks, guide: Guide,
+    units: Units, heads: TeamState, marks: Marks, guide: Guide,
 ) -> float:  # fmt: skip
     """Dispatch the contours of a window that begins at turn `begin` (mutates units, heads, guide).
 
@@ -154,7 +154,7 @@ def dispatch_window(
 @inlined
 def best_of_tries(
     begin: int, contours: NDArray[np.int64], visits: Visits, fleet: Fleet, units: Units,
-    heads: Heads, marks: Marks, guide: Guide, state: NDArray[np.uint64],
+    heads: TeamState, marks: Marks, guide: Guide, state: NDArray[np.uint64],
 ) -> bool:  # fmt: skip
     """Write the best of some dispatches of a window to `guide.found[1]`; False: none is better."""
     end, least = begin + len(contours), 0.0
@@ -191,7 +191,7 @@ def take_found(begin: int, end: int, joint: JointOrder, marks: Marks, guide: Gui
 @kernel
 def recreate(
     makespan: float, windows: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units,
-    heads: Heads, marks: Marks, guide: Guide, state: NDArray[np.uint64],
+    heads: TeamState, marks: Marks, guide: Guide, state: NDArray[np.uint64],
 ) -> float:  # fmt: skip
     """Ruin and recreate `windows` random windows; return the makespan, which never grows.
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
+from decmcts.team.dec_mcts.planner import BestJointPlan, DecMcts, Parameters
 from decmcts.team.engine.problem import TeamProblem
 
 
@@ -21,7 +21,7 @@ def plan_in_turn(
     parameters: Parameters | None = None,
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[int, float], None] | None = None,
-) -> Proposal:
+) -> BestJointPlan:
     """Let every head plan in turn and return the best joint plan any of them found.
 
     Parameters
@@ -35,7 +35,7 @@ def plan_in_turn(
     live = range(len(problem.machine.heads))
     team = [DecMcts(problem, r, seed=seed, parameters=parameters) for r in live]
     started, rounds = clock(), 0
-    best: Proposal | None = None
+    best: BestJointPlan | None = None
 
     def over() -> bool:
         return stopping.ends(clock() - started, rounds)
@@ -54,8 +54,8 @@ def plan_in_turn(
 
 
 def plan_once(
-    agent: DecMcts, team: Sequence[DecMcts], spent: float, best: Proposal | None
-) -> Proposal:
+    agent: DecMcts, team: Sequence[DecMcts], spent: float, best: BestJointPlan | None
+) -> BestJointPlan:
     """Let one head take the best joint plan, plan a round and send its distribution.
 
     Returns the best joint plan from now on; `best` is that of all turns before, if any.

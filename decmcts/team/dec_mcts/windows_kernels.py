@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from decmcts.compiled import inlined, kernel
 from decmcts.random_kernels import below, log_uniform
 from decmcts.team.dec_mcts.tails_kernels import find_tails
-from decmcts.team.engine.joint_kernels import Heads, Units, Visits
+from decmcts.team.engine.joint_kernels import TeamState, Units, Visits
 from decmcts.team.engine.replay_kernels import JointOrder, Marks, link, replay, restore
 from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
@@ -65,7 +65,7 @@ def draw_windows(
 
 @inlined
 def update_tails(
-    joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks
+    joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks
 ) -> bool:
     """Mark all turns and find their tails (mutates units, heads, marks).
 
@@ -120,7 +120,7 @@ def undo(begin: int, kept: Window, joint: JointOrder, marks: Marks) -> None:
 
 
 @inlined
-def begin_trial(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+def begin_trial(turn: int, units: Units, heads: TeamState, marks: Marks) -> None:
     """Go back to what held before a turn; units of a trial are written behind those of the marks.
 
     There they are left to be overwritten (mutates units, heads).
@@ -130,7 +130,7 @@ def begin_trial(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
 
 
 @inlined
-def with_lateness(later: float, weight: float, turn: int, heads: Heads, marks: Marks) -> float:
+def with_lateness(later: float, weight: float, turn: int, heads: TeamState, marks: Marks) -> float:
     """Add by how much later than by the marks each head is free at a turn, times `weight`."""
     for r in range(len(heads.free)):
         later += weight * (heads.free[r] - marks.free[turn, r])

@@ -19,7 +19,7 @@ from decmcts.compiled import apart, inlined, kernel
 from decmcts.team.engine.joint_kernels import (
     UNIT_ASIDE,
     UNIT_PARK,
-    Heads,
+    TeamState,
     Units,
     Visits,
     end_of,
@@ -228,7 +228,7 @@ def is_safe(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) ->
 
 
 @apart
-def return_all(visits: Visits, fleet: Fleet, units: Units, heads: Heads) -> bool:
+def return_all(visits: Visits, fleet: Fleet, units: Units, heads: TeamState) -> bool:
     """Send every head to its park, one after the other (mutates); False: some are shut in."""
     while True:
         t = next_home(heads.at, heads.rest, fleet)
@@ -276,7 +276,7 @@ def is_in_way(r: int, space: Space, rest: NDArray[np.float64], fleet: Fleet) -> 
 
 @kernel
 def step_aside(
-    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: TeamState
 ) -> bool:
     """Let heads step aside so that r can print c (mutates units, heads); False: no safe path."""
     space = space_for(r, c, is_reversed, heads.at, visits, fleet)
@@ -297,7 +297,7 @@ def step_aside(
 
 @inlined
 def print_next(
-    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: TeamState
 ) -> bool:
     """Let head r print c, whatever has to step aside or return first (mutates units, heads).
 
@@ -314,7 +314,7 @@ def print_next(
 
 @apart
 def step_aside_or_park(
-    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: TeamState
 ) -> bool:
     """Let others step aside, or all return first, so that r can print c (mutates units, heads)."""
     if step_aside(r, c, is_reversed, visits, fleet, units, heads):

@@ -18,7 +18,7 @@ from decmcts.team.engine.aside_kernels import print_next, return_all
 from decmcts.team.engine.carry_out_kernels import OK, SHUT_IN, units_for, with_capacity
 from decmcts.team.engine.joint_kernels import (
     NONE,
-    Heads,
+    TeamState,
     Units,
     Visits,
     all_parked,
@@ -131,7 +131,7 @@ def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
 
 
 @inlined
-def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
+def next_head(heads: TeamState, pool: Pool) -> tuple[int, float]:
     """Return the head that decides next, and when."""
     first, start = 0, np.inf
     for r in range(len(pool.decides_at)):
@@ -142,7 +142,7 @@ def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
 
 
 @inlined
-def next_decision(r: int, start: float, heads: Heads, pool: Pool) -> float:
+def next_decision(r: int, start: float, heads: TeamState, pool: Pool) -> float:
     """When another head than r decides next, after `start`; infinite: none does."""
     until = np.inf
     for s in range(len(heads.free)):
@@ -190,7 +190,7 @@ def first_of(column: int, policy: Policy, pool: Pool) -> int:
 @inlined
 def space_free_from(
     r: int, u: int, back: bool, at: Point, start: float, visits: Visits, fleet: Fleet,
-    units: Units, heads: Heads,
+    units: Units, heads: TeamState,
 ) -> float:  # fmt: skip
     """When head r may reserve contour u's space and the path there, from `start` on.
 
@@ -205,7 +205,7 @@ def space_free_from(
 
 
 @inlined
-def drop_outdated(r: int, heads: Heads, pool: Pool) -> None:
+def drop_outdated(r: int, heads: TeamState, pool: Pool) -> None:
     """Drop the begins that were found for head r where it stood before (mutates pool)."""
     if pool.earliest_unit[r] != heads.last[r]:
         pool.earliest_row[r], pool.earliest_unit[r] = NONE, heads.last[r]
@@ -226,7 +226,7 @@ def first_open(i: int, policy: Policy, pool: Pool) -> int:
 @inlined
 def choose(
     r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, units: Units,
-    heads: Heads, pool: Pool,
+    heads: TeamState, pool: Pool,
 ) -> tuple[int, bool, float]:  # fmt: skip
     """Return the contour head r should print next, and whether reversed; NONE: wait until when.
 
@@ -300,7 +300,7 @@ def open_first(column: int, policy: Policy, pool: Pool) -> None:
 
 
 @inlined
-def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Pool) -> None:
+def take(r: int, c: int, visits: Visits, policy: Policy, heads: TeamState, pool: Pool) -> None:
     """Note that head r prints c (mutates pool)."""
     pool.placed[c], pool.last_contour[r] = True, c
     pool.counts[NEWLY_READY] = 0
@@ -315,7 +315,7 @@ def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Poo
 
 @inlined
 def wake(
-    r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, heads: Heads, pool: Pool
+    r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, heads: TeamState, pool: Pool
 ) -> None:
     """Let sleeping heads decide sooner, where head r made contours ready (mutates pool)."""
     for s in range(len(heads.free)):
@@ -335,7 +335,7 @@ def wake(
 
 @inlined
 def next_print(
-    visits: Visits, fleet: Fleet, policy: Policy, units: Units, heads: Heads, pool: Pool
+    visits: Visits, fleet: Fleet, policy: Policy, units: Units, heads: TeamState, pool: Pool
 ) -> tuple[int, int, bool, float]:  # fmt: skip
     """Return which head prints next, what, whether reversed, and when it decides.
 

@@ -63,7 +63,7 @@ class Units(NamedTuple):
     used: NDArray[np.int64]  # (1,)
 
 
-class Heads(NamedTuple):
+class TeamState(NamedTuple):
     """Where every head is after what was placed so far; written as units are placed."""
 
     last: NDArray[np.int64]  # (heads,) its last unit; NONE
@@ -91,13 +91,13 @@ def new_units(most: int) -> Units:
 
 
 @kernel
-def all_parked(n: int, fleet: Fleet) -> Heads:
+def all_parked(n: int, fleet: Fleet) -> TeamState:
     """All heads at their parks, nothing placed; `n` is the number of contours."""
     heads = len(fleet.parks)
     rest = np.empty((heads, 6))
     for r in range(heads):
         keep_space(space_of_point(fleet.parks[r], -np.inf), rest, r)
-    return Heads(np.full(heads, NONE), np.zeros(heads), fleet.parks.copy(), rest, np.zeros(n))
+    return TeamState(np.full(heads, NONE), np.zeros(heads), fleet.parks.copy(), rest, np.zeros(n))
 
 
 @inlined
@@ -123,7 +123,7 @@ def clear_from(
     visits: Visits,
     fleet: Fleet,
     units: Units,
-    heads: Heads,
+    heads: TeamState,
 ) -> float:
     """When head r may have `space`, no sooner than `begin`, for all that was placed before.
 
@@ -156,7 +156,7 @@ def place(
     target: Point,
     top: float,
     units: Units,
-    heads: Heads,
+    heads: TeamState,
 ) -> None:
     """Append a unit of head r (mutates units and heads); it then rests at most at height `top`."""
     row = units.used[0]
@@ -180,7 +180,7 @@ def place_travel(
     visits: Visits,
     fleet: Fleet,
     units: Units,
-    heads: Heads,
+    heads: TeamState,
 ) -> None:
     """Append a travel of head r (mutates units and heads); none where it stands there already."""
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
@@ -195,7 +195,7 @@ def place_travel(
 
 
 @inlined
-def ready_at(c: int, visits: Visits, heads: Heads) -> float:
+def ready_at(c: int, visits: Visits, heads: TeamState) -> float:
     """When a contour may begin: all that supports it is printed and has cooled.
 
     All that supports it must have been placed.
@@ -216,7 +216,7 @@ def end_of(c: int, side: int, visits: Visits) -> tuple[float, float, float]:
 
 @inlined
 def place_print(
-    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: TeamState
 ) -> None:
     """Append travel and print of a contour (mutates units and heads); the path must be clear."""
     side = 1 if is_reversed else 0

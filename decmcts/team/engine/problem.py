@@ -34,7 +34,7 @@ from decmcts.team.engine.space import (
     printing_times,
 )
 from decmcts.team.engine.spaces_kernels import Fleet
-from decmcts.team.engine.start import Start, start_of
+from decmcts.team.engine.start import StartingOrder, start_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class TeamProblem:
     macro_part: NDArray[np.int64]  # (n_macros,)
     n_macros: int
     digest: str
-    start: Start | None = None  # an order that heads begin with
+    start: StartingOrder | None = None  # an order that heads begin with
     # of teams of some heads only, as `decmcts.team.engine.resolve.fleet_for` finds them
     fleets: dict[tuple[int, ...], tuple[Fleet, NDArray[np.bool_]]] = field(
         default_factory=dict, init=False, compare=False, repr=False

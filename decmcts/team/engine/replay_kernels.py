@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts.compiled import apart, inlined, kernel
 from decmcts.team.engine.aside_kernels import print_next, return_all
-from decmcts.team.engine.joint_kernels import NONE, Heads, Units, Visits
+from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits
 from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
 
@@ -29,7 +29,7 @@ class JointOrder(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """What `Heads` and `Units` held before each turn."""
+    """What `TeamState` and `Units` held before each turn."""
 
     used: NDArray[np.int64]  # (n + 1,)
     last: NDArray[np.int64]  # (n + 1, heads)
@@ -41,7 +41,7 @@ class Marks(NamedTuple):
 
 
 @inlined
-def mark(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+def mark(turn: int, units: Units, heads: TeamState, marks: Marks) -> None:
     """Note what holds before a turn (mutates marks)."""
     marks.used[turn] = units.used[0]
     for r in range(len(heads.free)):
@@ -53,7 +53,7 @@ def mark(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
 
 
 @inlined
-def restore(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+def restore(turn: int, units: Units, heads: TeamState, marks: Marks) -> None:
     """Go back to what held before a turn (mutates units, heads)."""
     units.used[0] = marks.used[turn]
     for r in range(len(heads.free)):
@@ -65,14 +65,14 @@ def restore(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
 
 
 @inlined
-def has_capacity(units: Units, heads: Heads) -> bool:
+def has_capacity(units: Units, heads: TeamState) -> bool:
     """Whether `units` has rows free for all that one more contour can need."""
     count = len(heads.free)
     return bool(units.used[0] + count * (count + 2) + 2 <= len(units.head))
 
 
 @inlined
-def later_by(turn: int, fleet: Fleet, heads: Heads, marks: Marks) -> float:
+def later_by(turn: int, fleet: Fleet, heads: TeamState, marks: Marks) -> float:
     """How much later the print ends than by the marks, judged by the tails at a turn."""
     latest, usual, last = -np.inf, -np.inf, len(marks.used) - 1
     for r in range(len(heads.free)):
@@ -87,7 +87,7 @@ def later_by(turn: int, fleet: Fleet, heads: Heads, marks: Marks) -> float:
 @apart
 def place_turns(
     contours: NDArray[np.int64], begin: int, end: int, marks_to: int, top: int,
-    most: float, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    most: float, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: TeamState,
     marks: Marks,
 ) -> float:  # fmt: skip
     """Print `contours`, by turn, at turns begin..end - 1 (mutates units, heads, marks).
@@ -116,7 +116,7 @@ def place_turns(
 
 @inlined
 def replay(
-    end: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    end: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: TeamState,
     marks: Marks,
 ) -> bool:  # fmt: skip
     """Mark all turns up to `end` (mutates units, heads, marks); False: they cannot be printed."""
@@ -133,7 +133,7 @@ def replay(
 
 @kernel
 def finish(
-    begin: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    begin: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: TeamState,
     marks: Marks,
 ) -> float:  # fmt: skip
     """Return when all heads are at their parks (mutates units, heads, marks).

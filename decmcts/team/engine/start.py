@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Start:
+class StartingOrder:
     """A joint order and its macro-actions, numbered in its order."""
 
     stated: StatedOrder
@@ -39,7 +39,7 @@ class Start:
         return len(self.head)
 
 
-def start_of(stated: StatedOrder, layer: Ints, middle_mm: Floats, seconds: Floats) -> Start:
+def start_of(stated: StatedOrder, layer: Ints, middle_mm: Floats, seconds: Floats) -> StartingOrder:
     """Return a joint order cut into macro-actions.
 
     Parameters
@@ -63,11 +63,13 @@ def start_of(stated: StatedOrder, layer: Ints, middle_mm: Floats, seconds: Float
     macro[order] = number
     rows = np.flatnonzero(first)
     middle = np.bincount(number, weights=middle_mm[order]) / np.bincount(number)
-    return Start(stated, macro, stated.head[rows], layer[order[rows]].astype(np.int64), middle)
+    return StartingOrder(
+        stated, macro, stated.head[rows], layer[order[rows]].astype(np.int64), middle
+    )
 
 
 def changed_order(
-    start: Start,
+    start: StartingOrder,
     changes: Mapping[int, Changes],
     eligible: NDArray[np.bool_],
     graph: DependencyGraph,

@@ -28,7 +28,7 @@ Team = tuple[int, ...]  # heads, in order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Proposal:
+class BestJointPlan:
     """The best joint plan a head knows."""
 
     plans: Mapping[int, Plan]
@@ -48,8 +48,8 @@ class JointValues:
         self._known: dict[tuple[Team, bytes], float] = {}
         self._unable: set[Team] = set()  # cannot print everything
         self._serial_s = float(problem.visits.seconds.max(axis=0).sum())
-        self.best: dict[Team, Proposal] = {}
-        self.starts: dict[Team, Proposal] = {}
+        self.best: dict[Team, BestJointPlan] = {}
+        self.starts: dict[Team, BestJointPlan] = {}
         self.start_paths: dict[Team, tuple[Toolpath, ...]] = {}
         self.placed = 0
 
@@ -97,7 +97,7 @@ class JointValues:
             return np.inf
         self.placed += len(self._problem.macro) + EACH
         makespan = resolved.makespan_s
-        found = Proposal(dict(plans), makespan)
+        found = BestJointPlan(dict(plans), makespan)
         if team not in self.best or makespan <= self.best[team].makespan_s:
             self.best[team] = found
         worse = team in self.starts and makespan > self.starts[team].makespan_s

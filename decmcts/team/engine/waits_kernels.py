@@ -193,7 +193,7 @@ def earliest(
     return begin
 
 
-class Rows(NamedTuple):
+class UnitsWithWaits(NamedTuple):
     """Units as they were placed, with their waits (`decmcts.team.engine.order.UnitOrder`)."""
 
     head: NDArray[np.int32]  # (m,)
@@ -219,7 +219,7 @@ class Rests(NamedTuple):
 
 @kernel
 def last_below(
-    c: int, s: int, place: NDArray[np.int64], units: Rows, lags: Lags
+    c: int, s: int, place: NDArray[np.int64], units: UnitsWithWaits, lags: Lags
 ) -> tuple[int, float]:
     """Index within head s of the last unit that prints what lies below c, and its lag; or NONE."""
     last, lag = NONE, 0.0
@@ -231,7 +231,7 @@ def last_below(
 
 
 @kernel
-def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: Rows) -> int:
+def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: UnitsWithWaits) -> int:
     """First unit of a row's head, before it, at whose begin unit `last` of s has surely ended."""
     own = units.rows[units.head[row]]
     low, high = 0, units.own[row]
@@ -248,7 +248,7 @@ def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: Row
 def rest_for(
     row: int, s: int, last: int, lag: float, worked: float, least: float,
     begin: NDArray[np.float64], done: NDArray[np.float64], ended: float,
-    sure: NDArray[np.int64], units: Rows, rests: Rests,
+    sure: NDArray[np.int64], units: UnitsWithWaits, rests: Rests,
 ) -> float:  # fmt: skip
     """How long a unit rests before it begins, `lag` after unit `last` of head s has ended.
 
@@ -279,7 +279,7 @@ def rest_for(
 
 @kernel
 def let_cool(
-    units: Rows,
+    units: UnitsWithWaits,
     passing: NDArray[np.float64],
     seconds: NDArray[np.float64],
     place: NDArray[np.int64],

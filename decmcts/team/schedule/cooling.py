@@ -36,7 +36,7 @@ TRAVEL_SHARE = 0.7  # mean travel of a search's orders, as a share of the source
 
 
 @dataclass(frozen=True, slots=True)
-class Timed:
+class TimedOrder:
     """An order with its estimated time."""
 
     toolpath: Toolpath
@@ -157,7 +157,7 @@ def cooled(
     graph: DependencyGraph,
     lags: Lags,
     toolpath: Toolpath,
-) -> Timed:
+) -> TimedOrder:
     """Return an order near `toolpath` that waits little, with its time.
 
     Where the next contour is still warm, later ones that can be printed now are
@@ -166,7 +166,7 @@ def cooled(
     visits, travel = _visits(job, machine, graph, toolpath)
     given = (toolpath.order, _park(machine), visits, graph.succ_offsets, graph.succs, lags)
     _, seconds, waited = follow(*given, travel, False)
-    as_it_is = Timed(toolpath, float(seconds), float(waited), float(waited))
+    as_it_is = TimedOrder(toolpath, float(seconds), float(waited), float(waited))
     if waited <= 0.0:
         return as_it_is
     order, seconds, less = follow(*given, travel, True)
@@ -174,5 +174,5 @@ def cooled(
     place[toolpath.order] = np.arange(len(order))
     at = place[order]
     made = Toolpath(order, toolpath.reversed[at], toolpath.entry[at])
-    filled = Timed(made, float(seconds), float(less), float(waited))
+    filled = TimedOrder(made, float(seconds), float(less), float(waited))
     return min(as_it_is, filled, key=lambda one: one.seconds)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
-from decmcts.feasibility.clearance_kernels import Beads
+from decmcts.feasibility.clearance_kernels import Centrelines
 from decmcts.feasibility.closure_kernels import touches
 from decmcts.print.lags_kernels import Lags
 from decmcts.team.engine.joint_kernels import Visits
@@ -25,7 +25,7 @@ SHORT_S = 1e-3  # a wait below this is none
 TIE_MM = 1e-4  # heights and distances nearer than this are equal
 
 
-class Progress(NamedTuple):
+class CoolingProgress(NamedTuple):
     """How far a sequence is printed; all arrays are written as it goes on."""
 
     ended: NDArray[np.float64]  # (n,) end of each contour, NEVER: not ended
@@ -38,7 +38,7 @@ class Progress(NamedTuple):
 
 @kernel
 def printed_over(
-    beads: Beads,
+    beads: Centrelines,
     by_top: NDArray[np.int32],
     top: NDArray[np.float64],
     height: NDArray[np.float64],
@@ -73,7 +73,7 @@ def printed_over(
 
 
 @kernel
-def make_available(c: int, lags: Lags, progress: Progress) -> None:
+def make_available(c: int, lags: Lags, progress: CoolingProgress) -> None:
     """Add a contour whose predecessors are printed to those that could be next."""
     soonest = 0.0
     for e in range(lags.offsets[c], lags.offsets[c + 1]):
@@ -91,7 +91,7 @@ def take(
     succ_offsets: NDArray[np.int64],
     succs: NDArray[np.int32],
     lags: Lags,
-    progress: Progress,
+    progress: CoolingProgress,
 ) -> None:
     """Count a contour as printed and free those that waited for it."""
     progress.ended[c] = ended
@@ -114,7 +114,7 @@ def filler(
     at: NDArray[np.float64],
     visits: Visits,
     travel: NDArray[np.float64],
-    progress: Progress,
+    progress: CoolingProgress,
 ) -> int:
     """Return the contour to print while c cools, the soonest there, or c if none saves time."""
     begin = max(now + travel_seconds(at, visits.ends[c, 0], travel), progress.ready[c])
@@ -152,7 +152,7 @@ def follow(
     seconds to the end of the last contour and the seconds waited in all.
     """
     n = len(order)
-    progress = Progress(
+    progress = CoolingProgress(
         np.full(n, NEVER), np.zeros(n), np.diff(visits.pred_offsets), np.empty(n, np.int32),
         np.full(n, NONE, np.int64), np.zeros(1, np.int64),
     )  # fmt: skip

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.team.engine.order import UnitOrder
-from decmcts.team.engine.waits_kernels import Rests, Rows, let_cool
+from decmcts.team.engine.waits_kernels import Rests, UnitsWithWaits, let_cool
 from decmcts.team.schedule.waits import LEAST_WAIT_S, STEP_S
 
 
@@ -24,7 +24,7 @@ def find_rests(
     place = np.empty(len(lags.offsets) - 1, np.int64)
     printing = np.flatnonzero(order.contour >= 0)
     place[order.contour[printing]] = printing
-    rows = Rows(
+    rows = UnitsWithWaits(
         order.head, order.kind, order.contour, order.own, order.rows, order.after, order.point
     )
     found: tuple[NDArray[np.float64], Rests] = let_cool(

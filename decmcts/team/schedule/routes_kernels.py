@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
-from decmcts.feasibility.clearance_kernels import Beads, PackedHead
+from decmcts.feasibility.clearance_kernels import Centrelines, PackedHead
 from decmcts.feasibility.travel_kernels import HeightField, deposit, travel_height_above
 from decmcts.team.engine.joint_kernels import UNIT_ASIDE, UNIT_PRINT
 
@@ -24,7 +24,7 @@ class Bends(NamedTuple):
     offsets: NDArray[np.int64]  # (m + 1,) of each unit; printing ones have none
 
 
-class Rows(NamedTuple):
+class RoutedUnits(NamedTuple):
     """Units of the joint plan, see decmcts.team.engine.order.UnitOrder."""
 
     kind: NDArray[np.int8]  # (m,)
@@ -36,7 +36,7 @@ class Rows(NamedTuple):
 
 @kernel
 def deposit_until(
-    s: int, first: int, last: int, units: Rows, beads: Beads, field: HeightField
+    s: int, first: int, last: int, units: RoutedUnits, beads: Centrelines, field: HeightField
 ) -> None:
     """Add what head s prints in its units first..last - 1 to the field, in place."""
     for k in range(first, last):
@@ -48,11 +48,11 @@ def deposit_until(
 @kernel
 def travel_levels(
     r: int,
-    units: Rows,
+    units: RoutedUnits,
     starts: NDArray[np.float64],
     goals: NDArray[np.float64],
     bends: Bends,
-    beads: Beads,
+    beads: Centrelines,
     field: HeightField,
     head: PackedHead,
     lift_mm: float,

@@ -16,7 +16,7 @@ from decmcts.print.loops import rotated
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program, limit_rows, travel_acceleration, travel_feed
 from decmcts.print.walls import retracted_paths, walls_for
-from decmcts.team.schedule.timing_kernels import Habit, Segments, write_moves
+from decmcts.team.schedule.timing_kernels import ContourSegments, Habit, write_moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def action_times(
     entries = np.zeros(len(c), np.int32)
     entries[contour[contour >= 0]] = entry[contour >= 0]
     run, first = rotated(c, entries)
-    segments = Segments(first, run.extrusion, run.feed, row[run.rows])
+    segments = ContourSegments(first, run.extrusion, run.feed, row[run.rows])
     kinds = _kinds(job, contour)
     moves = write_moves(path, offsets, contour, is_reversed, retracts, segments, habits, kinds)
     m = int(moves.used[0])

@@ -16,7 +16,7 @@ from decmcts.compiled import kernel
 EXTRA = 6  # moves a travel may need beside its path
 
 
-class Segments(NamedTuple):
+class ContourSegments(NamedTuple):
     """The contours' segments in their traversal, by the point each ends at."""
 
     offsets: NDArray[np.int64]  # (n + 1,)
@@ -39,7 +39,7 @@ class Habit(NamedTuple):
     wipe_feed: float
 
 
-class Moves(NamedTuple):
+class WrittenMoves(NamedTuple):
     """Moves being written; `used[0]` of them are."""
 
     points: NDArray[np.float64]  # (m + 1, 3)
@@ -52,7 +52,14 @@ class Moves(NamedTuple):
 
 @kernel
 def add_move(
-    x: float, y: float, z: float, filament: float, feed: float, row: int, action: int, moves: Moves
+    x: float,
+    y: float,
+    z: float,
+    filament: float,
+    feed: float,
+    row: int,
+    action: int,
+    moves: WrittenMoves,
 ) -> None:
     """Append one move (mutates moves)."""
     i = moves.used[0]
@@ -65,7 +72,7 @@ def add_move(
 @kernel
 def add_print(
     path: NDArray[np.float64], contour: int, is_reversed: bool, action: int,
-    segments: Segments, moves: Moves,
+    segments: ContourSegments, moves: WrittenMoves,
 ) -> None:  # fmt: skip
     """Append the segments of a contour in its traversal (mutates moves)."""
     first = segments.offsets[contour] + 1
@@ -77,7 +84,7 @@ def add_print(
 
 
 @kernel
-def _back(moves: Moves) -> tuple[float, float]:
+def _back(moves: WrittenMoves) -> tuple[float, float]:
     """Return the direction from where the last move that went anywhere in the plane ended, back."""
     for i in range(moves.used[0], 0, -1):
         x = moves.points[i - 1, 0] - moves.points[i, 0]
@@ -95,7 +102,7 @@ def add_travel(
     after_print: bool,
     action: int,
     habit: Habit,
-    moves: Moves,
+    moves: WrittenMoves,
 ) -> None:
     """Append a travel with what the writer puts before and behind it (mutates moves)."""
     pulls = habit.push_mm > 0.0 and retracts
@@ -121,9 +128,9 @@ def add_travel(
 @kernel
 def write_moves(
     path: NDArray[np.float64], offsets: NDArray[np.int64], contour: NDArray[np.int32],
-    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: Segments,
+    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: ContourSegments,
     habits: NDArray[np.float64], of: NDArray[np.int64],
-) -> Moves:  # fmt: skip
+) -> WrittenMoves:  # fmt: skip
     """Return the moves of a head's actions; `contour` is -1 where an action prints nothing.
 
     `retracts` (k,) says which travels are retracted, and `of` (k,) in which of the `habits`,
@@ -131,7 +138,7 @@ def write_moves(
     """
     k = len(contour)
     most = len(path) + EXTRA * k
-    moves = Moves(
+    moves = WrittenMoves(
         np.zeros((most + 1, 3)), np.zeros(most), np.zeros(most), np.zeros(most, np.int32),
         np.zeros(most, np.int64), np.zeros(1, np.int64),
     )  # fmt: skip

@@ -24,7 +24,7 @@ from decmcts.print.walls_kernels import Walls
 from decmcts.team.engine.joint_kernels import UNIT_PRINT
 from decmcts.team.engine.order import UnitOrder
 from decmcts.team.engine.space import Space
-from decmcts.team.schedule.routes_kernels import Bends, Rows, travel_levels
+from decmcts.team.schedule.routes_kernels import Bends, RoutedUnits, travel_levels
 from decmcts.team.schedule.timing import kinds_of_tools
 
 
@@ -55,7 +55,7 @@ def unit_travels(
     beads = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     alone = detours if len(machine.heads) == 1 else None
     bends = _bends(order, alone, starts, goals)
-    units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
+    units = RoutedUnits(order.kind, order.contour, order.rows, order.counts, order.later)
     for r, head in enumerate(machine.heads):
         field = _field(job, machine)
         shape = pack_head(head)

@@ -12,8 +12,8 @@ import agents.agreeing.protocol
 from agents.agreeing.events import (
     Effect,
     Event,
-    Fenced,
     Forget,
+    HeadFenced,
     Leave,
     Left,
     LiveChanged,
@@ -276,7 +276,7 @@ def test_a_death_while_agreeing_starts_over_with_the_rest(protocol: Protocol, pe
     effects = protocol.handle(Proposal((0,), PLANS, 9.0, BAD))
     assert some(effects, Unfenced) == [Unfenced((1,))]
     assert not some(effects, Release)
-    effects = protocol.handle(Fenced(1, 1))
+    effects = protocol.handle(HeadFenced(1, 1))
     assert [r.live for r in some(effects, Release)] == [(0,)]
 
 
@@ -352,7 +352,9 @@ def test_long_plans_are_said_again_now_and_then_only(
     assert most <= replies <= most + 1
 
 
-@pytest.mark.parametrize("event", [PlanningEnded(), Tick(), Leave("x"), Fenced(1, 1), Fenced(7, 1)])
+@pytest.mark.parametrize(
+    "event", [PlanningEnded(), Tick(), Leave("x"), HeadFenced(1, 1), HeadFenced(7, 1)]
+)
 def test_nothing_follows_after_leaving(protocol: Protocol, event: Event) -> None:
     """A head that left must not act."""
     protocol.handle(Leave("done"))

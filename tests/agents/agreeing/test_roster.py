@@ -6,7 +6,7 @@ from itertools import count
 
 import pytest
 
-from agents.agreeing.events import Effect, Note, Refused, Send
+from agents.agreeing.events import Effect, LogNote, Refused, Send
 from agents.agreeing.roster import Roster
 from agents.messages.kinds import SILENCE_TICKS, VERSION, Commit, Hello
 
@@ -89,7 +89,7 @@ def test_who_is_silent_longer_than_promised_is_dropped_until_it_speaks(roster: R
     assert not any(roster.tick() for _ in range(5))
     assert roster.live == (0, 1)
     effects = roster.tick()
-    assert Note("middle is silent") in effects and roster.live == (0,)
+    assert LogNote("middle is silent") in effects and roster.live == (0,)
     assert roster.missing(roster.live) == (1, 2)  # not fenced: it may be moving
     assert any(isinstance(e, Send) for e in roster.tick())  # asked to say hello
     roster.hear(1, (7, next(NUMBERS)), Hello(PROBLEM, VERSION, "h1", False))

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from agents.agreeing.events import Event, Fenced, Leave, PlanningEnded, Release
+from agents.agreeing.events import Event, HeadFenced, Leave, PlanningEnded, Release
 from agents.loop.agent import Meet
 from agents.loop.pipes import PipeFront, parse_command
 from agents.networks.meeting import Meeting
@@ -31,7 +31,7 @@ def pipes() -> Iterator[tuple[PipeFront, int, int]]:
 @pytest.mark.parametrize(
     ("line", "event"),
     [
-        (b'{"command": "fence", "head": 2, "epoch": 7}', Fenced(2, 7)),
+        (b'{"command": "fence", "head": 2, "epoch": 7}', HeadFenced(2, 7)),
         (b'{"command": "stop"}', PlanningEnded()),
         (b'{"command": "exit"}', Leave("done")),
         (b'{"command": "fence", "head": "2"}', None),

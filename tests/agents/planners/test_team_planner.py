@@ -10,7 +10,7 @@ import pytest
 from agents.messages.kinds import Distribution, MessageError
 from agents.planners.pack import TEAM, Pack
 from agents.planners.serial import joint_order, serial_plans
-from agents.planners.team_planner import TeamPlanner
+from agents.planners.team_planner import DecMctsPlanner
 from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
 from decmcts.print.job import ProcessSettings
@@ -41,12 +41,12 @@ def problem() -> TeamProblem:
 
 
 @pytest.fixture
-def planner(problem: TeamProblem) -> TeamPlanner:
-    return TeamPlanner(problem, 0, seed=1)
+def planner(problem: TeamProblem) -> DecMctsPlanner:
+    return DecMctsPlanner(problem, 0, seed=1)
 
 
 def test_the_serial_order_is_the_source_s_and_can_be_executed(
-    problem: TeamProblem, planner: TeamPlanner
+    problem: TeamProblem, planner: DecMctsPlanner
 ) -> None:
     """The way out must be a plan that prints, whatever else fails."""
     found = planner.serial(LIVE)
@@ -60,18 +60,18 @@ def test_the_serial_order_is_the_source_s_and_can_be_executed(
 
 
 def test_the_digest_of_a_serial_order_is_of_whole_numbers_only(
-    problem: TeamProblem, planner: TeamPlanner
+    problem: TeamProblem, planner: DecMctsPlanner
 ) -> None:
     """Hosts whose arithmetic differs must agree on it: times may not count."""
     visits = problem.visits._replace(seconds=problem.visits.seconds * 1.0000001)
-    other = TeamPlanner(replace(problem, visits=visits), 1, seed=7)
+    other = DecMctsPlanner(replace(problem, visits=visits), 1, seed=7)
     mine, theirs = planner.serial(LIVE), other.serial(LIVE)
     assert mine.digest == theirs.digest
     assert mine.makespan_s != theirs.makespan_s
     assert other.resolve(mine.plans, LIVE).digest == mine.digest
 
 
-def test_another_order_has_another_digest(problem: TeamProblem, planner: TeamPlanner) -> None:
+def test_another_order_has_another_digest(problem: TeamProblem, planner: DecMctsPlanner) -> None:
     """A digest that says nothing of the order would let two heads print different ones."""
     n = len(problem.macro)
     order = Toolpath.of(np.arange(n, dtype=np.int32), np.arange(n) % 2 == 1)
@@ -89,7 +89,7 @@ def test_an_order_that_breaks_the_precedence_is_not_accepted(problem: TeamProble
 
 def test_a_better_plan_of_a_peer_is_kept_a_worse_one_is_not(problem: TeamProblem) -> None:
     """What one head finds, all build on."""
-    finder, other = TeamPlanner(problem, 0, seed=1), TeamPlanner(problem, 1, seed=2)
+    finder, other = DecMctsPlanner(problem, 0, seed=1), DecMctsPlanner(problem, 1, seed=2)
     first = other.best_joint(LIVE).makespan_s
     for _ in range(3):
         finder.iterate(LIVE)
@@ -103,7 +103,7 @@ def test_a_better_plan_of_a_peer_is_kept_a_worse_one_is_not(problem: TeamProblem
 
 def test_all_that_is_told_is_understood(problem: TeamProblem) -> None:
     """Plans with shifts either way among it."""
-    teller, listener = (TeamPlanner(problem, head, seed=5) for head in LIVE)
+    teller, listener = (DecMctsPlanner(problem, head, seed=5) for head in LIVE)
     shifted = False
     for _ in range(12):
         teller.iterate(LIVE)
@@ -128,7 +128,7 @@ def _refused(n_macros: int) -> list[tuple[int, ...]]:
 
 
 def test_a_told_serial_order_that_cannot_be_stops_nobody(
-    planner: TeamPlanner, problem: TeamProblem
+    planner: DecMctsPlanner, problem: TeamProblem
 ) -> None:
     """It would be kept as the best, and refused when it is proposed."""
     n = len(problem.macro)
@@ -143,7 +143,7 @@ def test_a_told_serial_order_that_cannot_be_stops_nobody(
 
 @pytest.mark.parametrize("row", range(len(_refused(3))))
 def test_a_told_plan_that_means_nothing_is_refused(
-    planner: TeamPlanner, problem: TeamProblem, row: int
+    planner: DecMctsPlanner, problem: TeamProblem, row: int
 ) -> None:
     """It comes from outside."""
     plan = np.int32(_refused(problem.n_macros)[row])
@@ -157,7 +157,7 @@ def test_another_process_is_another_problem(problem: TeamProblem) -> None:
     """What plans resolve to depends on it, so such hosts must not plan together."""
     settings = ProcessSettings(travel_feed=101.0, retract_mm=1.0)
     other = replace(problem, job=replace(problem.job, settings=settings))
-    digests = {TeamPlanner(p, 0, seed=1).problem for p in (problem, other)}
+    digests = {DecMctsPlanner(p, 0, seed=1).problem for p in (problem, other)}
     assert len(digests) == 2
 
 
@@ -166,10 +166,10 @@ def test_a_pack_s_parameters_are_the_search_s(problem: TeamProblem) -> None:
     """What a launch sets must reach each head; the rest stays as the print asks for."""
     pack = Pack(problem.job, problem.machine, problem.graph, {TEAM: {"share": 0.5, "alpha": 0.5}})
     usual = Parameters.for_contours(len(problem.macro))
-    found = TeamPlanner.of_pack(pack, 0, seed=1)._search.parameters
+    found = DecMctsPlanner.of_pack(pack, 0, seed=1)._search.parameters
     assert found == replace(usual, share=0.5, alpha=0.5)
     with pytest.raises(InputError, match="alpha"):
-        TeamPlanner.of_pack(replace(pack, options={TEAM: {"alpha": 2}}), 0, seed=1)
+        DecMctsPlanner.of_pack(replace(pack, options={TEAM: {"alpha": 2}}), 0, seed=1)
 
 
 @pytest.mark.slow
@@ -187,10 +187,10 @@ def test_agents_that_begin_with_an_order_tell_what_they_change(problem: TeamProb
         )
         for r, rows in enumerate(own)
     }
-    teller, listener = TeamPlanner(begun, 0, seed=1), TeamPlanner(begun, 1, seed=1)
+    teller, listener = DecMctsPlanner(begun, 0, seed=1), DecMctsPlanner(begun, 1, seed=1)
     assert teller.resolve(plans, LIVE).digest == listener.resolve(plans, LIVE).digest
     assert teller.resolve(plans, LIVE).digest != teller.resolve({}, LIVE).digest
     listener.take(0, Distribution((plans[0],), np.ones(1)))
     assert sum(map(len, plans.values())) * 100 <= 2 * teller.most_symbols
-    assert TeamPlanner(problem, 0, seed=1).problem != teller.problem
-    assert TeamPlanner.of_pack(pack, 0, seed=1).problem == teller.problem
+    assert DecMctsPlanner(problem, 0, seed=1).problem != teller.problem
+    assert DecMctsPlanner.of_pack(pack, 0, seed=1).problem == teller.problem

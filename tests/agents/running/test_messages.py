@@ -21,7 +21,7 @@ from agents.running.port import (
     Pause,
     Pipe,
     Ready,
-    Release,
+    ReleaseActions,
     Resume,
     Start,
     pack,
@@ -66,7 +66,14 @@ def test_a_report_that_is_overtaken_changes_nothing() -> None:
 
 def test_what_the_port_carries_comes_back() -> None:
     """Commands one way; events, `ready` and `alive` the other."""
-    commands = [Start(0, "plan", "ab"), Release(0, 4), Pause(), Resume(), Abort(), Finish("gone")]
+    commands = [
+        Start(0, "plan", "ab"),
+        ReleaseActions(0, 4),
+        Pause(),
+        Resume(),
+        Abort(),
+        Finish("gone"),
+    ]
     said = [Ready(0, "ab"), Alive(1.5, (1.0, 2.0, 3.0)), EVENT]
     for packed, name, due in (
         ([pack(each) for each in commands], "commands", commands),

@@ -82,7 +82,7 @@ def test_annealing_moves_keep_the_precedence(problem):
     """The engine refuses an order in which something is printed before what supports it."""
     rng = np.random.default_rng(2)
     units = dispatched(problem, nth_weights(0, len(problem.machine.heads), rng))
-    order, moves = annealing.order_of(units), annealing.Moves(problem, rng)
+    order, moves = annealing.order_of(units), annealing.RandomMoves(problem, rng)
     before, after = problem.graph.pairs().T
     for _ in range(300):
         order = moves.changed(order)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.planning.problem.by_tool import Runs, by_tool
+from decmcts.planning.problem.by_tool import ToolRuns, by_tool
 
 
 def runs_of(
     pairs: list[tuple[int, int]], tool: list[int], stretch: list[int] | None = None
-) -> Runs | None:
+) -> ToolRuns | None:
     graph = DependencyGraph.from_pairs(len(tool), np.array(pairs, np.int32).reshape(-1, 2))
     own = np.zeros(len(tool), np.int32) if stretch is None else np.array(stretch, np.int32)
     return by_tool(graph, np.array(tool, np.int16), own, lambda a, b: True)

@@ -8,7 +8,7 @@ import pytest
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Packet
 from agents.running.carrier import Carrier, NumberedPlan, committed
-from agents.running.port import Pause, Ready, Release, Resume, Start
+from agents.running.port import Pause, Ready, ReleaseActions, Resume, Start
 from agents.running.report import KIND, NOTHING, Reached, Report, unpack_report
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.print_events import EventKind, PrintEvent
@@ -59,7 +59,7 @@ class Together:
             case Start(number, _, digest):
                 self.feeds[h] = Feeding(h, self.work[h], now_s)
                 self.carriers[h].take_statement(Ready(number, digest))
-            case Release(_, until) if feed is not None:
+            case ReleaseActions(_, until) if feed is not None:
                 feed.release(until, now_s)
             case Pause() if feed is not None:
                 feed.pause()

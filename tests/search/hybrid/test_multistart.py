@@ -14,7 +14,7 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import Threads, anneal_sequences, open_threads
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.hybrid.starts import LayeredStart
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
@@ -77,12 +77,12 @@ def test_stays_within_layers_once_that_is_ahead(
 
 
 @contextmanager
-def search_of(problem: OrderProblem, iterations: int) -> Iterator[Search]:
+def search_of(problem: OrderProblem, iterations: int) -> Iterator[HybridSearch]:
     """A search that has only begun."""
     stopping = Stopping(iterations=iterations)
     incumbent = Incumbent(problem, clock=lambda: 0.0, stopping=stopping)
     with open_threads(2, 0) as threads:
-        yield Search(incumbent, threads)
+        yield HybridSearch(incumbent, threads)
 
 
 @pytest.mark.parametrize(("at_most", "steps", "several"), [(100, 400, True), (100, 100, False),

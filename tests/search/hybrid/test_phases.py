@@ -11,7 +11,7 @@ import pytest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Exact, Hybrid
-from decmcts.search.hybrid.search import Phase, Search
+from decmcts.search.hybrid.search import HybridSearch, SearchPhase
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
@@ -62,14 +62,14 @@ def test_phases_follow_one_another_and_the_first_that_ends_the_search_is_the_las
         name: str
         steps: int = 1
 
-        def run(self, search: Search) -> Iterator[None]:
+        def run(self, search: HybridSearch) -> Iterator[None]:
             for _ in range(self.steps):
                 made.append(self.name)
                 search.incumbent.tick(1)
                 yield
 
     class Three(Hybrid):
-        def phases(self, search: Search) -> Iterator[Phase]:
+        def phases(self, search: HybridSearch) -> Iterator[SearchPhase]:
             yield from (Told("one"), Told("two", 5), Told("three"))
 
     plan_order(random_problem(1, 9), planner=Three(), stopping=Stopping(iterations=3), seed=0)
@@ -88,7 +88,7 @@ def test_size_and_time_choose_the_phases(always: int, expected: str) -> None:
     begun: list[str] = []
 
     class Noted(Hybrid):
-        def phases(self, search: Search) -> Iterator[Phase]:
+        def phases(self, search: HybridSearch) -> Iterator[SearchPhase]:
             for phase in Hybrid.phases(self, search):
                 begun.append(type(phase).__name__)
                 yield phase

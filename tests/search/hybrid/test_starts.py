@@ -9,7 +9,7 @@ import pytest
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import open_threads
-from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.hybrid.starts import LayeredStart, Starts
 from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.greedy import layer_runs
@@ -17,15 +17,15 @@ from decmcts.search.sequence.problem import OrderProblem
 from tests.search.problems import random_problem, started, with_loops
 
 
-def begun(problem: OrderProblem) -> Search:
+def begun(problem: OrderProblem) -> HybridSearch:
     """A search after its starts."""
     with open_threads(1, 0) as threads:
-        search = Search(started(problem), threads)
+        search = HybridSearch(started(problem), threads)
     list(Starts().run(search))
     return search
 
 
-def layered_start(search: Search, most_cost: float) -> Sequence | None:
+def layered_start(search: HybridSearch, most_cost: float) -> Sequence | None:
     """What is annealed within layers, if anything."""
     search.layered = None
     list(LayeredStart(most_cost).run(search))

@@ -10,7 +10,7 @@ import pytest
 
 from decmcts.formats.gcode import read_gcode
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
-from decmcts.print.cut import Grid, Lines, cut_job
+from decmcts.print.cut import CutLines, Grid, cut_job
 from decmcts.print.job import PrintJob
 from sim.content.pieces import parted_source
 from sim.faults import FaultKind
@@ -32,7 +32,7 @@ def pieces(job: PrintJob) -> Contours:
 def cut_at(job: PrintJob, places: list[float], hop_mm: float | None = None) -> PrintJob:
     """Cut all contours of a job at places along X."""
     n = len(job.contours)
-    lines = Lines(0, np.tile(places, n), len(places) * np.arange(n + 1, dtype=np.int64))
+    lines = CutLines(0, np.tile(places, n), len(places) * np.arange(n + 1, dtype=np.int64))
     whole = np.zeros(len(job.contours.points), np.bool_)
     if hop_mm is None:
         hop_mm = 0.999 * job.settings.retract_min_travel_mm

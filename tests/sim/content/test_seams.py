@@ -18,7 +18,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.samples import sample_path
 from decmcts.team.schedule.joint_plan import schedule
-from sim.content.seams import Moved, Run, motions_with, run_of, seams_of_file, seams_of_plan
+from sim.content.seams import ContourRun, Moved, motions_with, run_of, seams_of_file, seams_of_plan
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from sim.verify import verify_plan
@@ -45,7 +45,7 @@ def test_the_planners_way_lays_down_what_it_says(points, entry) -> None:
     contours = loop(points)
     ours = traversal(contours, 0, entry)
     run = run_of(contours, Moved(0, entry, ours.points))
-    assert isinstance(run, Run)
+    assert isinstance(run, ContourRun)
     assert run.extrusion == pytest.approx(ours.extrusion, abs=1e-9)
     assert (run.feed[1:] == ours.feed[1:]).all()
     assert (run.rows == ours.rows).all()
@@ -83,7 +83,7 @@ def spoil_last_dropped(path):
 def test_another_way_than_the_loops_is_refused(spoil) -> None:
     """A hole at the old seam, a blob at the new one, a way beside the wall."""
     contours = loop(CLIPPED)
-    assert isinstance(run_of(contours, Moved(0, 2, way(contours, 2))), Run)
+    assert isinstance(run_of(contours, Moved(0, 2, way(contours, 2))), ContourRun)
     assert isinstance(run_of(contours, Moved(0, 2, spoil(way(contours, 2)))), str)
 
 
@@ -261,7 +261,7 @@ def test_rotating_all_loops_keeps_the_judges_and_the_planners_sums(planned) -> N
     ours = enter_at(job.contours, entry)
     for moved in seams_of_plan(actions):
         run = run_of(job.contours, moved)
-        assert isinstance(run, Run)
+        assert isinstance(run, ContourRun)
         rows = slice(int(ours.offsets[moved.contour]), int(ours.offsets[moved.contour + 1]))
         assert run.extrusion == pytest.approx(ours.extrusion[rows], abs=1e-9)
         assert (run.feed[1:] == ours.feed[rows][1:]).all()

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from decmcts.print.machine import Body, Head, Machine, Slice
-from sim.controllers.beads import NO_LAYER, TRAVEL, Beads, Material, material_of_files
+from sim.controllers.beads import NO_LAYER, TRAVEL, Material, MoveBeads, material_of_files
 from sim.controllers.from_files import first_layer_of
 from sim.controllers.print_search import bare, lay
 from sim.controllers.program import StopKind
@@ -39,7 +39,7 @@ def strict(*programs, half: float = 0.2) -> Material:
         m = len(made.feed)
         number = np.where(made.prints, m - np.arange(m), TRAVEL)
         none = np.full(m, NO_LAYER)
-        found.append(Beads(number, none, np.full(m, 0.2), np.full(m, half), made.prints,
+        found.append(MoveBeads(number, none, np.full(m, 0.2), np.full(m, half), made.prints,
                            np.ones(m, bool)))  # fmt: skip
     return Material(tuple(found), True)
 

@@ -13,7 +13,7 @@ from decmcts.print.plan import ActionKind
 from sim.content.legs import legs_of
 from sim.faults import FaultKind
 from sim.replay.execution import (
-    Course,
+    TimedPath,
     _near_pieces,
     arrivals_of,
     execute,
@@ -169,7 +169,7 @@ def random_course(rng, n, end):
     same = np.flatnonzero(np.diff(time) == 0)
     for k in same.tolist():
         point[k + 1] = point[k]
-    return Course(time, point, np.concatenate([[-1], np.arange(n + 1)]))
+    return TimedPath(time, point, np.concatenate([[-1], np.arange(n + 1)]))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,7 +10,7 @@ from shapely.geometry import LineString, MultiPoint, Polygon
 from decmcts.print.machine import Body, Head, Slice
 from sim.faults import FaultKind
 from sim.replay.material import find_contacts, or_undecided
-from sim.replay.near_misses import CAPACITY, Capacity, UndecidedError
+from sim.replay.near_misses import CAPACITY, NearMissCapacity, UndecidedError
 from sim.replay.shapes import Beads
 
 SKEW = np.array([[-3.0, -1.0], [12.0, -2.0], [4.0, 9.0]])
@@ -130,7 +130,7 @@ def test_beads_that_cover_everything_are_refused():
     """Too many cells to hold is a verdict, not a killed process."""
     bead = bead_row([0, 0, 1.0], [5, 0, 1.0], width=99.0)
     with pytest.raises(UndecidedError, match="too many to hold"):
-        contacts([[0, 0, 0.5, 5, 0, 0.5]], bead, SQUARE, capacity=Capacity(cells=100))
+        contacts([[0, 0, 0.5, 5, 0, 0.5]], bead, SQUARE, capacity=NearMissCapacity(cells=100))
 
 
 def test_a_dot_is_material():
@@ -197,7 +197,7 @@ def test_what_cannot_be_judged_does_not_pass():
     bead = bead_row([0, 0, 1.0], [9, 0, 1.0])
     assert contacts(beside, bead, SQUARE) == []
     (fault,) = or_undecided(
-        lambda: contacts(beside, bead, SQUARE, capacity=Capacity(first=1, most=1))
+        lambda: contacts(beside, bead, SQUARE, capacity=NearMissCapacity(first=1, most=1))
     )
     assert fault.kind == FaultKind.HEAD_MATERIAL
     assert "too many to judge" in fault.text

@@ -17,13 +17,13 @@ from decmcts.print.machine import Slice
 from decmcts.print.seam import seam_entries
 from decmcts.search.bounds.chains_kernels import chain_behind, longest_chain
 from decmcts.team.bounds.makespan import makespan_bound
-from decmcts.team.bounds.rail_bound import Held, rail_bound
+from decmcts.team.bounds.rail_bound import RailUse, rail_bound
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.engine.space import build_space
 
 
-def _listed(held: Held, gap: float, n: int) -> float:
+def _listed(held: RailUse, gap: float, n: int) -> float:
     """The same programme with every set of pieces that n heads can print at once listed."""
     low, high, seconds, way, travels = held
     moves = np.zeros(len(low), np.bool_) if travels is None else travels
@@ -55,7 +55,7 @@ def test_the_programme_of_chains_is_that_of_all_sets(seed: int, heads: int) -> N
     rng = np.random.default_rng(seed)
     low = rng.uniform(0, 100, 9)
     high, seconds = low + rng.uniform(0, 20, 9), rng.uniform(1, 5, 9)
-    held = Held(low, high, seconds, 2 * np.arange(9))
+    held = RailUse(low, high, seconds, 2 * np.arange(9))
     found = rail_bound(held, separation_mm=24.0, heads=heads)
     listed = _listed(held, 24.0, heads)
     assert 0.95 * listed <= found <= listed * (1 + 1e-9)
@@ -74,7 +74,7 @@ def test_pieces_stand_beside_whole_contours_only(seed: int, heads: int) -> None:
             low, high = low + rng.uniform(0, 0.7) * (high - low), high
             if rng.random() < 0.5:
                 low, high = rows[-1][0], rows[-1][0] + rows[-1][1] - low
-    held = Held(*np.array(rows).T[:3], np.array([row[3] for row in rows]))
+    held = RailUse(*np.array(rows).T[:3], np.array([row[3] for row in rows]))
     found = rail_bound(held, separation_mm=30.0, heads=heads)
     listed = _listed(held, 30.0, heads)
     assert 0.95 * listed <= found <= listed * (1 + 1e-9)
@@ -93,11 +93,11 @@ def test_a_head_that_travels_stands_beside_what_is_left_of_a_contour(seed: int, 
         rows.append((low + reach[0], low - reach[0], rng.uniform(1, 3), 2 * k, 1))
         rows.append((high + reach[1], high - reach[1], rng.uniform(1, 3), 2 * k, 1))
     columns = np.array(rows).T
-    held = Held(*columns[:3], columns[3].astype(np.int64), columns[4] > 0)
+    held = RailUse(*columns[:3], columns[3].astype(np.int64), columns[4] > 0)
     found = rail_bound(held, separation_mm=30.0, heads=heads)
     listed = _listed(held, 30.0, heads)
     assert 0.94 * listed <= found <= listed * (1 + 1e-9)
-    prints = Held(*(column[~held.travels] for column in held[:4]))
+    prints = RailUse(*(column[~held.travels] for column in held[:4]))
     assert rail_bound(prints, separation_mm=30.0, heads=heads) < found
     assert found <= rail_bound(held._replace(travels=None), separation_mm=30.0, heads=heads)
 
@@ -105,16 +105,18 @@ def test_a_head_that_travels_stands_beside_what_is_left_of_a_contour(seed: int, 
 @pytest.mark.parametrize(("separation", "wanted"), [(0.0, 2.5), (0.05, 3.0), (70.0, 5.0)])
 def test_work_in_one_place(separation: float, wanted: float) -> None:
     """As narrow as a point, or less: a loop entered anywhere may hold less than nothing."""
-    held = Held(np.array([5.0, 5.1]), np.array([5.0, 5.0]), np.array([3.0, 2.0]), np.array([0, 2]))
+    held = RailUse(
+        np.array([5.0, 5.1]), np.array([5.0, 5.0]), np.array([3.0, 2.0]), np.array([0, 2])
+    )
     assert rail_bound(held, separation_mm=separation, heads=2) == pytest.approx(wanted)
 
 
 def test_the_direction_that_is_worth_less_counts() -> None:
     """A contour that may be reversed is only worth what its cheaper direction is."""
-    fixed = Held(
+    fixed = RailUse(
         *np.array([[0.0, 60.0, 0.0], [60.0, 60.0, 0.0], [5.0, 1.0, 9.0]]), np.array([0, 0, 2])
     )
-    either = Held(
+    either = RailUse(
         np.append(fixed.low, 0.0), np.append(fixed.high, 0.0),
         np.append(fixed.seconds, 6.0), np.append(fixed.choice, 1),
     )  # fmt: skip

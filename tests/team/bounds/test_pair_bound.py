@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.bounds.pair_bound import cover_prices, pair_bound
-from decmcts.team.bounds.rail_bound import Held
+from decmcts.team.bounds.rail_bound import RailUse
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
 from tests.makers.random_teams import KINDS, problem_on, random_plans
@@ -49,13 +49,13 @@ def stroke(x: float, seconds: float, way: int) -> tuple[list[float], list[float]
 
 def area(
     low: np.ndarray, high: np.ndarray, seconds: np.ndarray, way: np.ndarray
-) -> tuple[Held, Held]:
+) -> tuple[RailUse, RailUse]:
     """The same pieces along x and along y, corners (k, 2)."""
-    x, y = (Held(low[:, axis], high[:, axis], seconds, way) for axis in (0, 1))
+    x, y = (RailUse(low[:, axis], high[:, axis], seconds, way) for axis in (0, 1))
     return x, y
 
 
-def held(*strokes: tuple[list[float], list[float], float, int]) -> tuple[Held, Held]:
+def held(*strokes: tuple[list[float], list[float], float, int]) -> tuple[RailUse, RailUse]:
     """What heads hold, stroke by stroke."""
     low, high, seconds, way = zip(*strokes, strict=True)
     return area(np.array(low), np.array(high), np.array(seconds), np.array(way))

@@ -13,7 +13,7 @@ from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts import planner as dec_mcts
-from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
+from decmcts.team.dec_mcts.planner import BestJointPlan, DecMcts, Parameters
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.alone import one_head_toolpaths
 from decmcts.team.engine.plans import decode
@@ -272,8 +272,8 @@ def test_a_much_better_start_is_polished_anew_and_a_little_better_one_is_not() -
         began_s, best_s = 99.0, 89.0
 
     line = dec_mcts._Polishing((0, 1), Polished(), 100.0)  # type: ignore[arg-type]  # a fake
-    assert not line.outdone_by(Proposal({}, 97.0))
-    assert line.outdone_by(Proposal({}, 95.0))
+    assert not line.outdone_by(BestJointPlan({}, 97.0))
+    assert line.outdone_by(BestJointPlan({}, 95.0))
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ KEEP_HEAT = ("dwell", "coordinates set anew", "wait for moves to end", "coordina
 
 
 @dataclass(slots=True)
-class Held:
+class WordsInForce:
     """The words of one setting that are in force; mutates only itself."""
 
     command: str

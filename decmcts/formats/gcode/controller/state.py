@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.controller.held import Held, Targets, target_of
+from decmcts.formats.gcode.controller.held import Targets, WordsInForce, target_of
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.dialects.dialect import (
@@ -75,7 +75,7 @@ class _Recorder:
     factor: str = "M220 S100"  # of speed, that M220 B has kept
     texts: list[str] = field(default_factory=lambda: [""])  # of `values`
     leave: dict[int, str] = field(default_factory=dict)
-    merged: dict[str, Held] = field(default_factory=dict)
+    merged: dict[str, WordsInForce] = field(default_factory=dict)
     current: list[int] = field(default_factory=list)
     rows: dict[tuple[int, ...], int] = field(default_factory=lambda: {(): 0})
     at: list[int] = field(default_factory=lambda: [-1])
@@ -220,7 +220,7 @@ class _Recorder:
         """Set the parameters of a command that holds them one by one."""
         held = self.merged.get(slot)
         if held is None or held.command != event.text:
-            held = self.merged[slot] = Held(event.text)
+            held = self.merged[slot] = WordsInForce(event.text)
         self.set_slot(slot, held.say(event.params, form=form, whole=event.whole), line)
 
     def keep_factor(self, code: str, line: int) -> None:

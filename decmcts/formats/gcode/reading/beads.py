@@ -27,7 +27,7 @@ _NUMBER = re.compile(r"[-+]?(?:\d++(?:\.\d++)?|\.\d++)")
 
 
 @dataclass(frozen=True, slots=True)
-class Beads:
+class MeasuredBeads:
     """One value per contour, and per segment where it varies."""
 
     width: NDArray[np.float64]  # (n,)
@@ -49,7 +49,7 @@ class _Shape:
     level: NDArray[np.float64]  # (n,) z of its highest bead across the bed, else its lowest z
 
 
-def measure_beads(parsed: Parsed, *, filament_mm: float) -> Beads:
+def measure_beads(parsed: Parsed, *, filament_mm: float) -> MeasuredBeads:
     """Return the bead of every contour and extruding move."""
     motion, runs, track = parsed.motion, parsed.runs, parsed.track
     moves = np.flatnonzero(runs.contour >= 0)
@@ -67,7 +67,7 @@ def measure_beads(parsed: Parsed, *, filament_mm: float) -> Beads:
     roles = np.array([role_of(v) for v in track.table.values], np.int64)
     column = _column(track.table, "type")
     role = heaviest_label(offsets, shape.length, roles[column][state], len(Role))
-    return Beads(
+    return MeasuredBeads(
         np.maximum.reduceat(width, offsets[:-1]), np.maximum.reduceat(height, offsets[:-1]),
         role.astype(np.int8), _layers(parsed, shape.level), width, height,
     )  # fmt: skip

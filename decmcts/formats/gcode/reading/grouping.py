@@ -72,7 +72,7 @@ def with_dots_apart(motion: Motion) -> Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class _Moves:
+class _MoveKinds:
     """What the moves of a file do, each (m,)."""
 
     across: Bools
@@ -106,14 +106,14 @@ def laying_moves(motion: Motion, track: Track, surplus: Floats, parts: Ints, fir
     return np.asarray(moves.bead | (given & _printed(motion, track, given, moves.bead | rises)))
 
 
-def _moves_of(motion: Motion, surplus: Floats, first: int) -> _Moves:
+def _moves_of(motion: Motion, surplus: Floats, first: int) -> _MoveKinds:
     delta = np.diff(motion.points, axis=0)
     across = delta[:, 0] ** 2 + delta[:, 1] ** 2 > MOVED**2
     climbs = ~across & (np.abs(delta[:, 2]) > MOVED)
     pushes = motion.extrusion > PUSHED
     pushes[:first] = False
     given = pushes & ~across & (surplus > DOT_MM)
-    return _Moves(
+    return _MoveKinds(
         across, climbs, pushes & across, given & climbs, given & ~climbs,
         motion.extrusion > surplus + DOT_MM,
     )  # fmt: skip

@@ -18,7 +18,7 @@ from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, interpret
 from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
 from decmcts.formats.gcode.controller.state import track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
-from decmcts.formats.gcode.reading.beads import Beads, measure_beads
+from decmcts.formats.gcode.reading.beads import MeasuredBeads, measure_beads
 from decmcts.formats.gcode.reading.edges import state_edges
 from decmcts.formats.gcode.reading.gaps import (
     Blocks,
@@ -68,7 +68,7 @@ class Ending:
 
 @dataclass(frozen=True, slots=True)
 class _Parsed(Parsed):
-    beads: Beads
+    beads: MeasuredBeads
 
 
 def _parse(path: Path | str, plate: int | None = None, text: bytes | None = None) -> _Parsed:

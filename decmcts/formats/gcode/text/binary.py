@@ -44,7 +44,7 @@ _TIMES = b"estimated"  # what the keys of times in metadata begin with
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class BinaryBlock:
     """One block as it stands in a file."""
 
     kind: int
@@ -180,7 +180,7 @@ def _failed(library: Any, result: Any, function: str, path: Path | str | None) -
 
 def read_blocks(
     raw: bytes, path: Path | str | None = None, *, largest: int = LARGEST_BYTES
-) -> list[Block]:
+) -> list[BinaryBlock]:
     """Return the blocks of binary G-code, checked.
 
     Raises
@@ -206,7 +206,9 @@ def read_blocks(
     return blocks
 
 
-def _read_block(raw: bytes, at: int, checked: bool, path: Path | str | None) -> tuple[Block, int]:
+def _read_block(
+    raw: bytes, at: int, checked: bool, path: Path | str | None
+) -> tuple[BinaryBlock, int]:
     """Return the block that begins at a byte, and where it ends."""
     here = f"at byte {at}"
     if at + 12 > len(raw):
@@ -222,7 +224,7 @@ def _read_block(raw: bytes, at: int, checked: bool, path: Path | str | None) -> 
         _damaged(path, f"it ends within a block of {_KINDS[kind]} {here}")
     if checked and struct.unpack_from("<I", raw, end)[0] != zlib.crc32(raw[at:end]):
         _damaged(path, f"the checksum of a block of {_KINDS[kind]} is wrong {here}")
-    block = Block(kind, compression, size, raw[head:begin], raw[begin:end])
+    block = BinaryBlock(kind, compression, size, raw[head:begin], raw[begin:end])
     if not _grows_as_stated(block):
         _damaged(path, f"a block of {_KINDS[kind]} is not of the size it says {here}")
     if not _is_known(block):
@@ -230,7 +232,7 @@ def _read_block(raw: bytes, at: int, checked: bool, path: Path | str | None) -> 
     return block, after
 
 
-def _grows_as_stated(block: Block) -> bool:
+def _grows_as_stated(block: BinaryBlock) -> bool:
     """Tell whether compressed data is of its stated size, unpacking no more than that."""
     if block.compression == _DEFLATE:
         inflate = zlib.decompressobj()
@@ -242,7 +244,7 @@ def _grows_as_stated(block: Block) -> bool:
     return block.compression == _PLAIN or _heatshrink_size(block) == block.size
 
 
-def _heatshrink_size(block: Block) -> int:
+def _heatshrink_size(block: BinaryBlock) -> int:
     """Return how many bytes heatshrink data unpacks to: `1` and a byte, or `0` and a copy.
 
     The library trusts the size in the header and crashes where it is another.
@@ -257,7 +259,7 @@ def _heatshrink_size(block: Block) -> int:
     return size
 
 
-def _is_known(block: Block) -> bool:
+def _is_known(block: BinaryBlock) -> bool:
     """Tell whether what a block holds is encoded as the library can read it.
 
     It never returns from metadata whose lines are no `name=value`, and reads on behind the end
@@ -279,17 +281,17 @@ def _damaged(path: Path | str | None, what: str) -> NoReturn:
     raise InputError(f"damaged binary G-code: {what}", path=path, advice="export it again")
 
 
-def _values(block: Block) -> dict[bytes, bytes]:
+def _values(block: BinaryBlock) -> dict[bytes, bytes]:
     """Return the settings in a block of metadata, `name=value` a line."""
     lines = [line.partition(b"=") for line in _plain(block).split(b"\n")]
     return {name: value for name, equals, value in lines if equals}
 
 
-def _plain(block: Block) -> bytes:
+def _plain(block: BinaryBlock) -> bytes:
     return zlib.decompress(block.data) if block.compression == _DEFLATE else block.data
 
 
-def _retimed(block: Block, times: dict[bytes, bytes]) -> Block:
+def _retimed(block: BinaryBlock, times: dict[bytes, bytes]) -> BinaryBlock:
     """Return a block of metadata with print times put in the place of its own."""
     if block.kind not in (_PRINTER, _PRINT) or block.compression in _HEATSHRINK:
         return block
@@ -304,7 +306,7 @@ def _retimed(block: Block, times: dict[bytes, bytes]) -> Block:
     return replace(block, size=len(new), data=data)
 
 
-def _stored(block: Block) -> bytes:
+def _stored(block: BinaryBlock) -> bytes:
     """Return a block as it stands in a file, checksum included."""
     sizes = struct.pack("<HHI", block.kind, block.compression, block.size)
     if block.compression:

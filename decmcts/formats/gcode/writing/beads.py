@@ -22,7 +22,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Beads:
+class BeadRows:
     """Every contour run as sliced or reversed, from its own begin or end.
 
     Segment k of the arrays goes from point k - 1 to point k; the first row of a contour has none.
@@ -39,7 +39,7 @@ class Beads:
     rounded_off: Floats  # (n_points,) what the E words of moves leave out
 
     @classmethod
-    def of(cls, document: GcodeDocument, job: PrintJob) -> Beads:
+    def of(cls, document: GcodeDocument, job: PrintJob) -> BeadRows:
         """Return the beads of a print; O(points)."""
         contours = job.contours
         points, last = contours.points, contours.offsets[1:] - 1

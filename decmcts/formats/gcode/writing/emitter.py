@@ -144,7 +144,7 @@ class Emitter:
     def plain(self, ends: NDArray[np.float64], rounded_off: list[float], feed: float) -> None:
         """Print straight and level from where the head stands, all segments at one feed.
 
-        `ends` are the rows of `Beads.ends`; none is empty or without filament.
+        `ends` are the rows of `BeadRows.ends`; none is empty or without filament.
         """
         words = ends.ravel().tolist()
         if self.relative_e:

@@ -53,7 +53,7 @@ import numpy as np
 
 from decmcts.formats.gcode.document import Cursor, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.gcode.writing.beads import Beads, Point
+from decmcts.formats.gcode.writing.beads import BeadRows, Point
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.head_refusals import (
     only_tool,
@@ -147,7 +147,7 @@ class _HeadFile:
         shared = tool is not None and len(np.unique(job.contours.tool)) > 1
         self.filament = OwnFilament(emitter, self.document, tool, shared=shared)
         self.hears = told_to(self.document, job)
-        self.beads = Beads.of(self.document, job)
+        self.beads = BeadRows.of(self.document, job)
         self.kinds: list[int] = head.kind.tolist()  # of the head's actions
         self.contours, self.epochs = head.contour.tolist(), job.contours.epoch.tolist()
         self.prints = set(self.contours)

@@ -35,7 +35,7 @@ HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force
 _SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)", re.I)
 
 
-class HotEnd(NamedTuple):
+class HotEndCommand(NamedTuple):
     """A command that sets a hot end's temperature."""
 
     waits: bool  # M109: and goes on when it is reached
@@ -50,7 +50,7 @@ class Heard(NamedTuple):
     epoch: int
     tool: int  # named, or selected there
     named: bool
-    command: HotEnd
+    command: HotEndCommand
 
 
 class HotEndTold:
@@ -79,7 +79,7 @@ def selected_by(line: bytes) -> int | None:
     return None if match is None else int(match[1])
 
 
-def hot_end_command(line: bytes) -> HotEnd | None:
+def hot_end_command(line: bytes) -> HotEndCommand | None:
     """Return what a line says to a hot end; None: nothing."""
     match = _COMMAND.match(line)
     if match is None:
@@ -87,10 +87,10 @@ def hot_end_command(line: bytes) -> HotEnd | None:
     value, tool = _VALUE.search(match[2]), _TOOL.search(match[2])
     degrees = None if value is None else float(value[1])
     hot = degrees is None or degrees > 0.0
-    return HotEnd(match[1] == b"9", hot, None if tool is None else int(tool[1]), degrees)
+    return HotEndCommand(match[1] == b"9", hot, None if tool is None else int(tool[1]), degrees)
 
 
-def hears(told: Hears, command: HotEnd | None) -> bool:
+def hears(told: Hears, command: HotEndCommand | None) -> bool:
     """Say whether a head is told a command while another tool is selected; None: any other."""
     return command is None or told == "all" or (told == "off" and not command.heats)
 

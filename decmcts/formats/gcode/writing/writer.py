@@ -27,7 +27,7 @@ from decmcts.formats.gcode.dialects.dialect import SPLIT_MARK
 from decmcts.formats.gcode.dialects.stated_times import M73, WORD, without_progress
 from decmcts.formats.gcode.document import NO_ARC, Block, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.gcode.writing.beads import Beads
+from decmcts.formats.gcode.writing.beads import BeadRows
 from decmcts.formats.gcode.writing.emitter import NEAR_MM, Emitter, Point
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.print.contours import Contours
@@ -67,8 +67,8 @@ def write_gcode(
     """
     _check_once(job, actions, document)
     emitter = Emitter(document, job.settings, walls_for(job))
-    beads = Beads.of(document, job)
-    progress = Progress(document, actions)
+    beads = BeadRows.of(document, job)
+    progress = ProgressWriter(document, actions)
     preamble = progress.above(document.preamble)
     emitter.verbatim(with_header(preamble, header_lines, document.newline))
     emitter.use(document.start.tool)
@@ -143,7 +143,7 @@ def pause(emitter: Emitter, path: list[NDArray[np.float64]], seconds: float) -> 
 
 def print_contour(
     emitter: Emitter,
-    beads: Beads,
+    beads: BeadRows,
     contour: int,
     path: list[NDArray[np.float64]],
     *,
@@ -299,7 +299,7 @@ def _stands_alone(document: GcodeDocument, arc: int, first: int, last: int) -> b
     return bool(document.arcs.partible[arc]) or not inside.any()
 
 
-class Progress:
+class ProgressWriter:
     """Writes M73 anew from the plan's own times, where the source had any."""
 
     def __init__(self, document: GcodeDocument, actions: HeadActions) -> None:

@@ -16,7 +16,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text import binary
-from decmcts.formats.gcode.text.binary import Block, is_binary, pack, read_blocks, unpack
+from decmcts.formats.gcode.text.binary import BinaryBlock, is_binary, pack, read_blocks, unpack
 from decmcts.formats.gcode.text.source_text import load_text, packed_text
 
 BODY = """M107
@@ -56,7 +56,7 @@ def text(body: str = BODY, *, minutes: int = 1) -> bytes:
     ).encode()
 
 
-def stored(blocks: list[Block], version: int = 1) -> bytes:
+def stored(blocks: list[BinaryBlock], version: int = 1) -> bytes:
     return b"GCDE" + struct.pack("<IH", version, 1) + b"".join(map(binary._stored, blocks))
 
 

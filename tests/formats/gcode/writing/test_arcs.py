@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, read_motions, same_extrusions, write_gcode
 from decmcts.formats.gcode.document import NO_ARC
-from decmcts.formats.gcode.writing.beads import Beads
+from decmcts.formats.gcode.writing.beads import BeadRows
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.loops import allowed_entries
@@ -180,7 +180,7 @@ def test_a_signal_within_an_arc_is_given_at_its_end(tmp_path):
     emitter = Emitter(document, job.settings)
     passed = {5: "FIVE", 9: "NINE", len(job.contours.points) - 1: "END"}
     print_contour(
-        emitter, Beads.of(document, job), 0, [], is_reversed=False, entry=0, passed=passed
+        emitter, BeadRows.of(document, job), 0, [], is_reversed=False, entry=0, passed=passed
     )
     rows = [line.split()[0] for line in emitter.lines]
     assert rows[rows.index(b"G3") :] == [b"G3", b"FIVE", b"NINE", b"G3", b"G3", b"END"]

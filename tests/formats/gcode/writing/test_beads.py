@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.writing.beads import Beads, rounded
+from decmcts.formats.gcode.writing.beads import BeadRows, rounded
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.writer import print_contour
 
@@ -40,7 +40,7 @@ def test_plain_contours_are_written_as_segment_by_segment(tmp_path, mode):
     source = tmp_path / "in.gcode"
     source.write_text(text_of(mode))
     job, document = read_gcode(source)
-    beads = Beads.of(document, job)
+    beads = BeadRows.of(document, job)
     assert 8 < sum(beads.plain) < len(beads.plain)
     texts = []
     for each in (beads, replace(beads, plain=[False] * len(beads.plain))):
