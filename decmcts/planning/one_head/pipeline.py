@@ -34,6 +34,7 @@ from decmcts.search.planners import SearchResult, toolpath_cost
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
+from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.cooling import (
     cooled,
     find_lags,
@@ -142,10 +143,11 @@ class _OwnOrder:
 
 def search_alone(
     problem: PrintProblem, search: Search, before: PlanDocument, *, stop: Stop = never
-) -> tuple[Lags, Toolpath]:
+) -> tuple[Lags, Toolpath, JointPlan]:
     """Return the lags that cooling demands, and the order that `search` finds for one head.
 
-    `before` is the plan of the source's own order. The order lets spots cool as long as the lags
+    Also its plan, for one head that reaches everything. `before` is the plan of the source's own
+    order, which is returned where it ends sooner. The order lets spots cool as long as the lags
     say, or waits little for it.
     """
     given = problem.for_one_head(search.objective)
@@ -155,7 +157,15 @@ def search_alone(
     order.compile_cooling()
     stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
     found = order.search(search.planner, stopping).toolpath
-    return lags, cooled(problem.job, problem.machine, problem.graph, lags, found).toolpath
+    job, graph, machine = problem.job, problem.graph, lone_machine(problem.machine)
+    best = cooled(job, problem.machine, graph, lags, found).toolpath
+    plan = schedule(job, machine, graph, [best], lags=lags)
+    if plan.makespan_s > before.plan.makespan_s:
+        sliced = source_toolpath(given)
+        own = schedule(job, machine, graph, [sliced], lags=lags)
+        if own.makespan_s < plan.makespan_s:
+            return lags, sliced, own
+    return lags, best, plan
 
 
 def plan_judged(

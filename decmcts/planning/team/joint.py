@@ -29,7 +29,7 @@ from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound, makespan_bound
-from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
+from decmcts.team.engine.alone import one_head_toolpaths
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.schedule.entries import OrderChoices, best_entries, differ, with_entries
 from decmcts.team.schedule.joint_plan import schedule
@@ -46,6 +46,7 @@ class Prepared:
     lags: Lags  # that cooling demands
     orders: OrderChoices  # what orders may choose
     lone_order: Toolpath  # the best order found for one head alone
+    lone_plan: JointPlan  # of it, for one head that reaches everything
     entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
     bound: Future[Bound]  # on the makespan, found beside all else
     start: StatedOrder | None = None  # a joint order to begin with
@@ -109,12 +110,12 @@ def best_of(
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
     whole = ready.whole or ready
-    yardsticks = begun(partial(_one_head, whole, heads))
+    yardstick = begun(partial(plan_alone, whole, heads))
     joint = None if result is None else _joint(ready, result, report)
     joint = _in_time(ready, joint, len(heads), report)
-    if not yardsticks.done():
+    if not yardstick.done():
         report(Step("safe travels and times of one head alone"))
-    alone, lone = yardsticks.result()
+    alone = yardstick.result()
     extra: Metrics = {
         "planner": search.name,
         **_freedom_metrics(ready.orders),
@@ -123,7 +124,7 @@ def best_of(
         "parameters": dict(search.parameters),
         "agreed_digest": "" if agreement is None else agreement.digest,
         "live_heads": list(heads),
-        "one_head_s": lone.makespan_s,
+        "one_head_s": whole.lone_plan.makespan_s,
         **outcome.metrics(),
     }
     if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
@@ -148,13 +149,6 @@ def with_bound(
         report(Note(f"the sharper bound was not found {wait_s:.0f} s after the plan: a simple one"))
     metrics: Metrics = {**planned.after.metrics, "bound": dataclasses.asdict(found)}
     return dataclasses.replace(planned, after=dataclasses.replace(planned.after, metrics=metrics))
-
-
-def _one_head(ready: Prepared, heads: Sequence[int]) -> tuple[PlanDocument, JointPlan]:
-    """Return the lone order on this machine, and on one whose only head reaches everything."""
-    problem, machine = ready.problem, lone_machine(ready.problem.machine)
-    lone = schedule(problem.job, machine, problem.graph, [ready.lone_order], lags=ready.lags)
-    return plan_alone(ready, heads), lone
 
 
 def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan | None:

@@ -41,7 +41,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
-from decmcts.print.plan import PlanDocument
+from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.seam import SeamEntries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
@@ -141,12 +141,12 @@ def prepared(
     job, machine, graph = problem.job, problem.machine, problem.graph
     if not alone.done():
         report(Step("an order for one head alone"))
-    lags, lone = alone.result()
+    lags, lone, lone_plan = alone.result()
     entry = first_entries(job, orders, lone)
     if entries is not None:
         report(Step("where loops begin"))
     entry = biased_entries(job, machine, graph, orders, entry, entries, lags)
-    return Prepared(problem, before, lags, orders, lone, entry, bound)
+    return Prepared(problem, before, lags, orders, lone, lone_plan, entry, bound)
 
 
 def swept(ready: Prepared, search: TeamSearch, report: Report) -> Prepared:
@@ -234,8 +234,8 @@ def _bound(problem: PrintProblem, entries: SeamEntries | None) -> Future[Bound]:
 
 def _lone_order(
     problem: PrintProblem, search: TeamSearch, before: PlanDocument, stop: Stop
-) -> tuple[Lags, Toolpath]:
-    """Return the lags that cooling demands, and an order in which one head ends soon."""
+) -> tuple[Lags, Toolpath, JointPlan]:
+    """Return the lags that cooling demands, an order in which one head ends soon, and its plan."""
     limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
     local = Search(limit_s, search.seed, PlannerName.LOCAL, Objective.TIME)
     return search_alone(problem, local, before, stop=stop)

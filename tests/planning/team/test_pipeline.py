@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,6 +16,7 @@ from agents.launching.status import LaunchError
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.events import Begun, Event, Heads, Note, Sound, unheard
+from decmcts.planning.one_head import pipeline as one_head
 from decmcts.planning.options import Freedom, Limits, Objective, Rules, Seam, TeamSearch
 from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.read import read
@@ -22,10 +24,12 @@ from decmcts.planning.result import Result
 from decmcts.planning.team.joint import Prepared, plan_alone
 from decmcts.planning.team.pipeline import Launch, plan_team, prepared
 from decmcts.planning.verify import verify
+from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.samples import sample_path
+from decmcts.team.schedule.cooling import TimedOrder
 from sim.verify import verify_plan
 from tests.makers.agents import Agents
 from tests.planning.one_head.test_cooling import towers
@@ -204,3 +208,20 @@ def test_one_head_alone_is_as_good_as_a_plan_for_one_head(tmp_path: Path) -> Non
     ready = prepared(problem, TeamSearch(3.0), writes=False)
     found = plan_alone(ready, [0, 1])
     assert found.metrics["makespan_s"] <= ready.before.plan.makespan_s
+
+
+def test_one_head_alone_is_never_slower_than_the_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A search prices neither all lifts nor all waits, so what it finds may end later."""
+
+    def astray(job: PrintJob, *_: Any) -> TimedOrder:
+        """Loops of all parts in turn: outer ones first, as sliced."""
+        rows = np.arange(len(job.contours))
+        strewn = np.lexsort((rows % 3, job.contours.layer)).astype(np.int32)
+        return TimedOrder(replace(Toolpath.as_sliced(len(rows)), order=strewn), 0.0, 0.0, 0.0)
+
+    monkeypatch.setattr(one_head, "cooled", astray)
+    ready = prepared(load(four_parts(tmp_path), "dual-gantry"), SEARCH, writes=False)
+    assert ready.lone_plan.makespan_s <= ready.before.plan.makespan_s
+    assert np.array_equal(ready.lone_order.order, np.arange(len(ready.lone_order)))
