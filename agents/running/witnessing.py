@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+import time
 from collections.abc import Callable
 
 from agents.launching.processes import PIPED, AgentLine, AgentProcess
@@ -10,6 +12,7 @@ from agents.networks.meeting import Meeting
 
 COMMAND = (sys.executable, "-P", "-m", "agents.witness", PIPED)
 WITNESS = -1  # in the place of a head
+MOST_S = 20.0  # after which one that says nothing is ended
 
 
 class WitnessProcess:
@@ -29,22 +32,27 @@ class WitnessProcess:
         self._meeting, self._epoch, self._hear = meeting, epoch, hear
         self._process: AgentProcess | None = None
         self.is_asked = False
-        self.is_listening = False
+        self._until = -math.inf
         self.heard: tuple[int, ...] = ()
 
     def ask(self) -> None:
         """Have it listen for some seconds; what it hears comes as an `AgentLine` for `take`."""
-        self.is_asked = self.is_listening = True
-        self.heard = ()
+        self.end()
+        self.is_asked, self.heard = True, ()
+        self._until = time.monotonic() + MOST_S
         self._process = AgentProcess(WITNESS, COMMAND, self._hear)
         heads = len(self._meeting.places) - 1
         self._process.begin(["--heads", str(heads), "--epoch", str(self._epoch)], self._meeting)
+
+    @property
+    def is_listening(self) -> bool:
+        """Whether what it hears is still to come."""
+        return self._process is not None and time.monotonic() < self._until
 
     def take(self, item: AgentLine) -> None:
         """Take what it states; once its output ends it listens no more."""
         match item.line:
             case None:
-                self.is_listening = False
                 self.end()
             case {"event": "heard", "heads": [*heads]}:
                 self.heard = tuple(heads)

@@ -4,7 +4,7 @@
 |---|---|---|
 | the head | its controller says `failed` | fenced there; it goes to its park |
 | its agent | its process ends, or is silent | its controller ends its action, then says `failed` |
-| its bus | others, or a witness, hear it not | it is told to stop: its controller says `failed` |
+| its bus | others, or a witness, do not hear it | it is stopped: its controller says `failed` |
 | its controller | silent, or ended | lost, until a person says where it stands |
 
 A head that fails is *lost* until it is *fenced*: by its controller's word, or a person's. Only then
