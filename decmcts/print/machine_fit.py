@@ -11,6 +11,7 @@ from decmcts.errors import InputError
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Head, Machine
 
+MOVE_INTO_REACH = "move the print into reach"
 _TOLERANCE_MM = 0.01  # slicers round coordinates
 _AXES = "xyz"
 
@@ -99,7 +100,7 @@ def _reason(
     near = [r for r in armed if _reaches(machine.heads[r], low, high)[0]]
     if not near:
         those = "no head" if len(armed) == len(machine.heads) else f"no head with tool {tool[0]}"
-        return f"{those} reaches it", "move the print into reach, or choose another machine"
+        return f"{those} reaches it", f"{MOVE_INTO_REACH}, or choose another machine"
     there = near if live is None else [r for r in near if r in live]
     names = " and ".join(machine.heads[r].name for r in there or near)
     if not there:

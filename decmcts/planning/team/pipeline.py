@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.launching.status import AgentStatus, LaunchError, OnProgress
-from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.planning.compiling.child import finish_beside
@@ -28,7 +27,7 @@ from decmcts.planning.one_head.pipeline import search_alone
 from decmcts.planning.options import Cut, Objective, PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, source_plan
-from decmcts.planning.problem.print_problem import PrintProblem, named
+from decmcts.planning.problem.print_problem import PrintProblem, named, place_advised
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.cutting import Swept, best_sweep
 from decmcts.planning.team.idling import with_idling
@@ -46,7 +45,6 @@ from decmcts.print.seam import SeamEntries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
-from decmcts.team.engine.placing import place_that_fits
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import able_heads
 from decmcts.team.schedule.biased import biased_entries
@@ -215,15 +213,8 @@ def cut_for(ready: Prepared, found: Swept | None) -> Prepared:
 def _refuse_shut_in(job: PrintJob, machine: Machine) -> None:
     """Raise InputError unless some head may print each contour; says where on the bed it could."""
     able = able_heads(job, machine)
-    try:
+    with place_advised(job, machine):
         require_printable(job.contours, machine, able, live=range(len(machine.heads)))
-    except InputError as error:
-        if (place := place_that_fits(job, machine)) is None:
-            raise
-        moved = f"move the print by x {place[0]:+g}, y {place[1]:+g} mm, there heads can print all"
-        raise InputError(
-            error.what, line=error.line, advice=f"{moved}; else {error.advice}"
-        ) from error
 
 
 def _bound(problem: PrintProblem, entries: SeamEntries | None) -> Future[Bound]:
