@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,12 @@ def test_no_bead_is_two_things():
     for word, role in pairs:
         assert classify(f";TYPE:{word.upper()}".encode()).kind == Kind.STATE
         assert role_of(f";TYPE:{word}") == role
+
+
+def test_no_value_begins_a_layer():
+    """Values are asked first, so a mark that reads as one would never be seen."""
+    for key in known.together("values"):
+        assert not [p for p in known.every("layers") if re.match(p, f"{key}: 1", re.IGNORECASE)]
 
 
 def test_printers_have_their_presets():
