@@ -46,15 +46,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from agents.agreeing.ballot import Ballot, Key, key_of
+from agents.agreeing.ballot import Ballot, PlanKey, key_of
 from agents.agreeing.events import (
     Effect,
     Left,
     LogNote,
     Phase,
+    PlanReleased,
     PlanResolved,
     Propose,
-    Release,
     Resolve,
     Send,
     Unfenced,
@@ -108,7 +108,7 @@ class HeadAgreement:
         self._own: Commit | None = None
         self._adopting: Commit | None = None  # released by others, to be followed
         self._may_ask = True  # one round of plan requests a tick
-        self._answered: set[tuple[int, Key]] = set()  # plans sent again since the last pause
+        self._answered: set[tuple[int, PlanKey]] = set()  # plans sent again since the last pause
         self._may_resolve = len(roster.names)  # so many plans of others a tick
         self._serial = False  # we propose the explicit order
         self._ticks = self._agreeing_ticks = 0
@@ -280,7 +280,7 @@ class HeadAgreement:
         stages = (self._ballot.stage(head, key_of(own)) for head in self._known)
         return min(stages, default=int(Stage.RELEASED))
 
-    def _state(self, stage: Stage, key: Key) -> Commit:
+    def _state(self, stage: Stage, key: PlanKey) -> Commit:
         self._ballot.ours = key
         self._own = Commit(*key, stage, self._term, self._ballot.heard(key))
         self._say_own()
@@ -292,12 +292,12 @@ class HeadAgreement:
             self._own = replace(self._own, heard=self._ballot.heard(key_of(self._own)))
             self._send(self._own)
 
-    def _release(self, key: Key) -> None:
+    def _release(self, key: PlanKey) -> None:
         plan = self._ballot.verified[key]
         self.phase = Phase.RELEASED
         self._adopting = None
         self._state(Stage.RELEASED, key)
-        self._out.append(Release(plan.live, plan.plans, plan.makespan_s, plan.digest))
+        self._out.append(PlanReleased(plan.live, plan.plans, plan.makespan_s, plan.digest))
 
     # Following a release of others --------------------------------------------
 
@@ -322,12 +322,12 @@ class HeadAgreement:
         else:
             self._ask_for(key)
 
-    def _may_adopt(self, key: Key) -> bool:
+    def _may_adopt(self, key: PlanKey) -> bool:
         """Whether we have a plan, or somebody who is here does."""
         ballot = self._ballot
         return ballot.find(key) is not None or ballot.is_pending(key) or bool(ballot.holders(key))
 
-    def _ask_for(self, key: Key) -> None:
+    def _ask_for(self, key: PlanKey) -> None:
         if self._may_ask and not self._ballot.is_pending(key):
             self._may_ask = False
             for head in self._ballot.holders(key):

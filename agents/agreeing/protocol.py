@@ -34,7 +34,6 @@ from collections.abc import Iterable
 from agents.agreeing.agreement import HeadAgreement
 from agents.agreeing.events import (
     Effect,
-    Event,
     Forget,
     HeadFenced,
     Leave,
@@ -44,6 +43,7 @@ from agents.agreeing.events import (
     Phase,
     PlanningEnded,
     PlanResolved,
+    ProtocolEvent,
     RosterComplete,
     Send,
     Take,
@@ -117,7 +117,7 @@ class Protocol:
         self._check_roster()
         return self._take_out()
 
-    def handle(self, event: Event) -> list[Effect]:
+    def handle(self, event: ProtocolEvent) -> list[Effect]:
         """Take in one event and return what is to be done, in order."""
         if self.phase is Phase.LEFT:
             return []
@@ -128,7 +128,7 @@ class Protocol:
             self._agreement.advance()
         return self._take_out()
 
-    def _take_in(self, event: Event) -> None:
+    def _take_in(self, event: ProtocolEvent) -> None:
         agreement = self._agreement
         match event:
             case Presence(head, epoch, alive):

@@ -31,7 +31,7 @@ from agents.running.port import (
     Start,
     Statement,
 )
-from agents.running.report import NOTHING, Reached, Report, newer
+from agents.running.report import NOTHING, HeadReport, Reached, newer
 from decmcts.print.plan import After, HeadActions, JointPlan
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
 
@@ -71,7 +71,7 @@ class Carrier:
     off: bool = False  # the controller said so
     event: PrintEvent | None = None
     at: tuple[float, float, float] | None = None
-    reports: dict[int, Report] = field(default_factory=dict)
+    reports: dict[int, HeadReport] = field(default_factory=dict)
     fenced: dict[int, tuple[int, Reached]] = field(default_factory=dict)  # plan, and how far
     heard_s: dict[int, dict[tuple[int, int, int], float]] = field(default_factory=dict)
     out: list[Command] = field(default_factory=list)
@@ -104,7 +104,7 @@ class Carrier:
                 elif stated.action != NO_ACTION:
                     self.reached = self.reached.after(stated)
 
-    def take_report(self, report: Report) -> None:
+    def take_report(self, report: HeadReport) -> None:
         """Take what another head reports."""
         if report.head != self.head:
             self.reports[report.head] = newer(self.reports.get(report.head), report)
@@ -175,10 +175,10 @@ class Carrier:
             found.append(ReleaseActions(self.number, self.released))
         return found
 
-    def report(self) -> Report:
+    def report(self) -> HeadReport:
         """Return what is reported to the others now."""
         self.seq += 1
-        return Report(
+        return HeadReport(
             self.head, self.seq, self.number, self.held, self.reached, self.event, self.off
         )
 

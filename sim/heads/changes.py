@@ -51,7 +51,7 @@ MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
 UNLOADS_MM = 20.0  # more is no retraction: the filament is out of the hot end
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
-Source = tuple[PrintJob, GcodeDocument]
+SourcePrint = tuple[PrintJob, GcodeDocument]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class _Tool:
         return not k or self.degrees(self.prints[k - 1]) == self.degrees(self.prints[k])
 
 
-def without_changes(job: PrintJob, document: GcodeDocument) -> Source | None:
+def without_changes(job: PrintJob, document: GcodeDocument) -> SourcePrint | None:
     """Return a source of several tools as heads with one tool each may print it.
 
     None where all its changes stay. Linear in lines and moves.
@@ -101,7 +101,7 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Source | None:
 def _unwalled(
     job: PrintJob, document: GcodeDocument, gone: list[Block], kept: list[Block],
     since: Mapping[int, FilamentBalance], tools: Mapping[int, _Tool],
-) -> Source:  # fmt: skip
+) -> SourcePrint:  # fmt: skip
     """Return a source without some blocks."""
     was = job.contours.epoch
     behind = dict(zip(np.searchsorted(was, [b.epoch for b in gone]).tolist(), gone, strict=True))
@@ -134,7 +134,7 @@ def _unwalled(
     return job, replace(document, blocks=blocks, own_starts=starts, owed=owed)
 
 
-def as_planned(epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument) -> Source:
+def as_planned(epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument) -> SourcePrint:
     """Return a source as a plan with these epochs takes it: with its changes of tools or without.
 
     Where the plan's epochs are neither it is the source as it stands, from which they then differ.

@@ -32,7 +32,7 @@ from sim.heads.walk import Walk
 ROUNDING_S = 1e-4
 SPARE, SPARE_S = 0.1, 0.01  # by which a writer may put signals further apart
 LAG_TOLERANCE_S = 1e-3  # files say milliseconds
-Windows = tuple[list[int], list[int]]  # lines between which the sync points of actions stand
+SyncWindow = tuple[list[int], list[int]]  # lines between which the sync points of actions stand
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +219,7 @@ def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
 
 def _unplanned(
     files: Sequence[HeadFile], plan: JointPlan, parts: list[FileParts], walks: list[Walk], h: int,
-    given: Mapping[int, tuple[int, Sync]], windows: list[Windows], firsts: list[int],
+    given: Mapping[int, tuple[int, Sync]], windows: list[SyncWindow], firsts: list[int],
     intervals: Intervals,
 ) -> list[str]:  # fmt: skip
     """Return the waits of one head's body that stand for no edge of the plan.

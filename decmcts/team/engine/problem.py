@@ -27,7 +27,7 @@ from decmcts.team.engine.macros import columns_of, cut_macros, part_of, part_pro
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import (
-    Space,
+    Workspaces,
     build_space,
     fleet_of,
     printing_times,
@@ -43,7 +43,7 @@ class TeamProblem:
     job: PrintJob
     machine: Machine
     graph: DependencyGraph
-    space: Space
+    space: Workspaces
     fleet: Fleet
     visits: Visits  # as sliced
     quantile: NDArray[np.float64]  # (n,) share of all work nearer to the first head's side, 0..1
@@ -191,7 +191,9 @@ def axis_of(machine: Machine) -> tuple[int, bool]:
     return axis, bool(parks[0, axis] <= parks[-1, axis])
 
 
-def _quantile(seconds: NDArray[np.float64], space: Space, machine: Machine) -> NDArray[np.float64]:
+def _quantile(
+    seconds: NDArray[np.float64], space: Workspaces, machine: Machine
+) -> NDArray[np.float64]:
     """Return the share of all work on the first head's side of each contour, (n,)."""
     axis, forwards = axis_of(machine)
     middle = space.boxes[:, 2 * axis] + space.boxes[:, 2 * axis + 1]

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.controller.held import Key, keys_of
+from decmcts.formats.gcode.controller.held import WordKey, keys_of
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
 from decmcts.formats.gcode.reading.grouping import REFILLS, Parsed
 
 DOWN_MM = 1e-3  # heights nearer than that are one
-_WHOLE: Key = ("", "")  # what a command sets that is said whole
+_WHOLE: WordKey = ("", "")  # what a command sets that is said whole
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
@@ -86,10 +86,10 @@ def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
     The latter by number, [from, to]: nothing can be set back from what sets more. What another
     tool has left sets nothing of the one in use.
     """
-    said, numbers = np.zeros(len(track.table.values), np.int64), dict[frozenset[Key], int]()
+    said, numbers = np.zeros(len(track.table.values), np.int64), dict[frozenset[WordKey], int]()
     for k in used.tolist():
         text = track.table.values[k]
-        keys = frozenset[Key]()
+        keys = frozenset[WordKey]()
         if k != UNSET and k not in track.left:
             keys = keys_of(text) if text.split(maxsplit=1)[0] in GROWING else frozenset([_WHOLE])
         said[k] = numbers.setdefault(keys, len(numbers))

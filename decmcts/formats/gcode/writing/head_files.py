@@ -122,7 +122,7 @@ def write_head_gcode(
         refuse_points(points, plan)
     emitter = Emitter(document, job.settings, walls_for(job))
     waits = HeadWaits(emitter, points, machine.words, head_index, apart_s)
-    file = _HeadFile(emitter, waits, job, head, tool, own.idle)
+    file = _HeadFileWriter(emitter, waits, job, head, tool, own.idle)
     place = f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together"
     x, y, z = head.action_path(0)[0].tolist() if len(head) else own.park
     file.begin([*header_lines, place], (x, y, z))
@@ -132,7 +132,7 @@ def write_head_gcode(
     save_text(emitter.text(), out)
 
 
-class _HeadFile:
+class _HeadFileWriter:
     """The file of one head while it is written."""
 
     def __init__(
