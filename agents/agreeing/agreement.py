@@ -112,7 +112,7 @@ class HeadAgreement:
         self._may_resolve = len(roster.names)  # so many plans of others a tick
         self._serial = False  # we propose the explicit order
         self._ticks = self._agreeing_ticks = 0
-        self._unfenced_told: tuple[int, ...] = ()
+        self._unfenced_reported: tuple[int, ...] = ()
 
     @property
     def live(self) -> tuple[int, ...]:
@@ -164,7 +164,7 @@ class HeadAgreement:
                 if message.target == self.head and self._ballot.holders(key):
                     self._resolve(message.proposal)
 
-    def hear_release(self, digest: str) -> None:
+    def receive_release(self, digest: str) -> None:
         """Take in that a peer released this plan and left."""
         if self._own is not None and self._own.digest == digest:
             self._follow(self._own)
@@ -188,7 +188,7 @@ class HeadAgreement:
         """Begin again for the live heads of now."""
         self._own = None
         self._serial = False
-        self._unfenced_told = ()
+        self._unfenced_reported = ()
         if self._adopting is not None and not self._may_adopt(key_of(self._adopting)):
             self._adopting = None  # who released it is gone, and nobody else has the plan
         if self._adopting is None:
@@ -264,11 +264,11 @@ class HeadAgreement:
         missing = self._roster.missing(own.live)
         if not missing:
             self._release(key_of(own))
-        elif missing != self._unfenced_told:
-            self._tell_unfenced(missing)
+        elif missing != self._unfenced_reported:
+            self._report_unfenced(missing)
 
-    def _tell_unfenced(self, missing: tuple[int, ...]) -> None:
-        self._unfenced_told = missing
+    def _report_unfenced(self, missing: tuple[int, ...]) -> None:
+        self._unfenced_reported = missing
         if missing:
             self._out.append(Unfenced(missing))
 
@@ -349,7 +349,7 @@ class HeadAgreement:
             return
         self._agreeing_ticks += 1
         if self._agreeing_ticks % STALLED_TICKS == 0:
-            self._tell_unfenced(self._roster.missing(self.live))
+            self._report_unfenced(self._roster.missing(self.live))
         if self._adopting is None:
             self._repeat(plans_too=plans_too)
 

@@ -111,8 +111,8 @@ class Ballot:
     def _keep(self, proposal: Proposal) -> None:
         """Keep a plan that was resolved here, and drop the oldest that nobody stands by."""
         self.verified[key_of(proposal)] = proposal
-        stood_by = {key_of(said) for said in self._proposals.values()}
-        stood_by |= {key_of(said) for said in self.commits.values()}
+        stood_by = {key_of(each) for each in self._proposals.values()}
+        stood_by |= {key_of(each) for each in self.commits.values()}
         old = [key for key in self.verified if key not in stood_by and key != self.ours]
         for key in old[: max(0, len(self.verified) - VERIFIED)]:
             del self.verified[key]

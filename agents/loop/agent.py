@@ -222,7 +222,7 @@ class Agent:
             self._entropy = own.entropy
             self._feed(own)
         joint = self._planner.best_joint(self._live)
-        if self._offers.is_worth_telling(joint, now):
+        if self._offers.is_worth_sending(joint, now):
             self._feed(joint)
 
     def _get_stuck(self, error: InputError) -> None:

@@ -216,10 +216,10 @@ class TerminalFront:
 def parse_arguments(line: bytes) -> tuple[list[str] | None, Meeting | None]:
     """Return the command line and the meeting that a first line hands over, None for either."""
     try:
-        told = json.loads(line)
+        stated = json.loads(line)
     except ValueError:
         return None, None
-    match told:
+    match stated:
         case {"command": "begin", "arguments": [*words], "meeting": where}:
             return [str(word) for word in words], Meeting.from_dict(where)
         case {"command": "begin", "arguments": [*words]}:

@@ -48,7 +48,7 @@ class CarriedOut:
 
 @dataclass(frozen=True, slots=True)
 class ReportDetails:
-    """What a report is told besides the two plans; all of it may be missing."""
+    """What a report states besides the two plans; all of it may be missing."""
 
     file: str = ""  # name of the source
     verdict: Verdict | None = None

@@ -48,7 +48,7 @@ class WordsInForce:
             The command as it stands, which is kept where nothing of others is left.
         """
         count = 0
-        for word, value, keys in _said(self.command, form, params):
+        for word, value, keys in _words_of(self.command, form, params):
             self.values[word] = value
             self.carriers.update(dict.fromkeys(keys, word))
             count += 1
@@ -81,12 +81,12 @@ def keys_of(text: str) -> frozenset[WordKey]:
     keys: set[WordKey] = set()
     for line in text.split("\n"):
         event = classify(line.encode("utf-8", "surrogateescape"))
-        for _, _, covered in _said(event.text, "", event.params):
+        for _, _, covered in _words_of(event.text, "", event.params):
             keys.update(covered)
     return frozenset(keys)
 
 
-def _said(command: str, form: str, params: Params) -> Iterator[tuple[Word, str, list[WordKey]]]:
+def _words_of(command: str, form: str, params: Params) -> Iterator[tuple[Word, str, list[WordKey]]]:
     """Yield each word of a command, its value, and what it covers."""
     named = {word for word, _ in params}
     if command == "M204" and "S" in named:  # a form of its own: firmwares differ in its T

@@ -205,8 +205,8 @@ class _StateCollector:
         """Set what a line sets, whole or parameter by parameter."""
         if event.tools is not None:
             for name in event.tools or (self.tool,):
-                said = _EXTRUDER.fullmatch(name)
-                tool = (said[1] or "0") if said else name.lstrip("0") or "0"
+                extruder = _EXTRUDER.fullmatch(name)
+                tool = (extruder[1] or "0") if extruder else name.lstrip("0") or "0"
                 slot = event.slot if tool == self.tool else f"{event.slot} {tool}"
                 joint = "" if len(event.names) < 2 else "="
                 form = f"{event.names}{joint}{name}" if event.tools else ""

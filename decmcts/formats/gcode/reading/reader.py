@@ -163,16 +163,16 @@ def _print_of(
     )  # fmt: skip
     name = _PACKED.sub("", Path(path).name).rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
-    said = commanded(parsed.track.table, PRINTING, stated)[point_state]
-    unsaid = bool(np.isnan(said).all())
+    accelerations = commanded(parsed.track.table, PRINTING, stated)[point_state]
+    unstated = bool(np.isnan(accelerations).all())
     limits = _limits(parsed, first, stated)
-    if not unsaid:
-        limits = replace(limits, acceleration=float(np.nanmedian(said)))
+    if not unstated:
+        limits = replace(limits, acceleration=float(np.nanmedian(accelerations)))
     if settings.travel_acceleration > 0.0:
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text),
-        _notes(parsed, blocks, settings, point_arc), limits, None if unsaid else said,
+        _notes(parsed, blocks, settings, point_arc), limits, None if unstated else accelerations,
         _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
