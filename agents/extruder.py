@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from agents.agreeing.events import Leave, PlanningEnded, Release
+from agents.agreeing.events import Leave, PlanningEnded, PlanReleased
 from agents.launching.places import remove_left
 from agents.launching.processes import PIPED, PREFIX
 from agents.loop.agent import TICK_S, Agent
@@ -45,7 +45,7 @@ MakePlanner = Callable[[argparse.Namespace], AgentPlanner]
 
 def run(
     planner: AgentPlanner, given: argparse.Namespace, pipe: PipeFront | None = None
-) -> Release | None:
+) -> PlanReleased | None:
     """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released."""
     front = (pipe or PipeFront()) if given.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))

@@ -59,7 +59,7 @@ class Runner:
         self.carrier = Carrier(given.head, seq=time.time_ns() // 1_000_000)
         self.to, self.controller = given.to, Pipe(given.of)
         os.set_blocking(given.of, False)
-        self.heard_at = math.inf  # the controller; it has not stated anything yet
+        self.received_at = math.inf  # the controller; it has not stated anything yet
         self.peers_at: dict[int, float] = {}
         self.wrote_at = self.reported_at = self.stood_at = -float("inf")
         self.last: tuple[Any, ...] = ()
@@ -83,7 +83,7 @@ class Runner:
             if self.cut and not isinstance(self.transport, NoNetwork):
                 self.transport.__exit__()
                 self.transport = NoNetwork()
-            self._hear()
+            self._receive()
             self._speak()
 
     def _obey(self, command: dict[str, Any]) -> None:
@@ -115,10 +115,10 @@ class Runner:
         digest, plan = digest_of(path), read_plan(path).plan
         self.loaded.put((limits, NumberedPlan(number, path, digest, plan, heads)))
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         now = time.monotonic()
         for stated in self.controller.statements():
-            self.heard_at = now
+            self.received_at = now
             if isinstance(stated, Ready) and stated.digest != digest_of_held(self.carrier, stated):
                 self.front.write({"event": "refused", "number": stated.number})
                 continue
@@ -131,8 +131,8 @@ class Runner:
                 except ValueError:
                     continue  # a peer's bad message is dropped
         if self.carrier.is_starting and self.controller.open:  # a large plan takes it seconds
-            self.heard_at = max(self.heard_at, now - SILENT_S + ALIVE_S)
-        silent = not self.controller.open or now - self.heard_at > SILENT_S
+            self.received_at = max(self.received_at, now - SILENT_S + ALIVE_S)
+        silent = not self.controller.open or now - self.received_at > SILENT_S
         if silent and not self.gone and not self.carrier.off:
             self.gone = True
             how = "hangs" if self.controller.open else "ended"

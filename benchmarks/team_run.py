@@ -28,7 +28,7 @@ from team_prints import swept_problem, team_problem
 from agents.launch import launch
 from decmcts.experiments.baselines import annealing, policies
 from decmcts.experiments.baselines.one_tree import OneTree
-from decmcts.experiments.teams import Plan, in_one_process
+from decmcts.experiments.teams import PlanFunction, in_one_process
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.plan import JointPlan
@@ -47,7 +47,7 @@ from sim.verify import verify_plan
 from tests.makers.random_teams import judged
 
 PROCESSES, TOGETHER = "processes", "one-process"
-BASELINES: dict[str, Plan] = {"greedy-dispatch": policies.plan, "annealing": annealing.plan}
+BASELINES: dict[str, PlanFunction] = {"greedy-dispatch": policies.plan, "annealing": annealing.plan}
 METHODS = (PROCESSES, TOGETHER, *BASELINES)
 Paths = tuple[Toolpath, ...]
 Figures = dict[str, Any]

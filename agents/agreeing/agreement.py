@@ -46,15 +46,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from agents.agreeing.ballot import Ballot, Key, key_of
+from agents.agreeing.ballot import Ballot, PlanKey, key_of
 from agents.agreeing.events import (
     Effect,
     Left,
     LogNote,
     Phase,
+    PlanReleased,
     PlanResolved,
     Propose,
-    Release,
     Resolve,
     Send,
     Unfenced,
@@ -108,11 +108,11 @@ class HeadAgreement:
         self._own: Commit | None = None
         self._adopting: Commit | None = None  # released by others, to be followed
         self._may_ask = True  # one round of plan requests a tick
-        self._answered: set[tuple[int, Key]] = set()  # plans sent again since the last pause
+        self._answered: set[tuple[int, PlanKey]] = set()  # plans sent again since the last pause
         self._may_resolve = len(roster.names)  # so many plans of others a tick
         self._serial = False  # we propose the explicit order
         self._ticks = self._agreeing_ticks = 0
-        self._unfenced_told: tuple[int, ...] = ()
+        self._unfenced_reported: tuple[int, ...] = ()
 
     @property
     def live(self) -> tuple[int, ...]:
@@ -164,7 +164,7 @@ class HeadAgreement:
                 if message.target == self.head and self._ballot.holders(key):
                     self._resolve(message.proposal)
 
-    def hear_release(self, digest: str) -> None:
+    def receive_release(self, digest: str) -> None:
         """Take in that a peer released this plan and left."""
         if self._own is not None and self._own.digest == digest:
             self._follow(self._own)
@@ -188,7 +188,7 @@ class HeadAgreement:
         """Begin again for the live heads of now."""
         self._own = None
         self._serial = False
-        self._unfenced_told = ()
+        self._unfenced_reported = ()
         if self._adopting is not None and not self._may_adopt(key_of(self._adopting)):
             self._adopting = None  # who released it is gone, and nobody else has the plan
         if self._adopting is None:
@@ -264,11 +264,11 @@ class HeadAgreement:
         missing = self._roster.missing(own.live)
         if not missing:
             self._release(key_of(own))
-        elif missing != self._unfenced_told:
-            self._tell_unfenced(missing)
+        elif missing != self._unfenced_reported:
+            self._report_unfenced(missing)
 
-    def _tell_unfenced(self, missing: tuple[int, ...]) -> None:
-        self._unfenced_told = missing
+    def _report_unfenced(self, missing: tuple[int, ...]) -> None:
+        self._unfenced_reported = missing
         if missing:
             self._out.append(Unfenced(missing))
 
@@ -280,7 +280,7 @@ class HeadAgreement:
         stages = (self._ballot.stage(head, key_of(own)) for head in self._known)
         return min(stages, default=int(Stage.RELEASED))
 
-    def _state(self, stage: Stage, key: Key) -> Commit:
+    def _state(self, stage: Stage, key: PlanKey) -> Commit:
         self._ballot.ours = key
         self._own = Commit(*key, stage, self._term, self._ballot.heard(key))
         self._say_own()
@@ -292,12 +292,12 @@ class HeadAgreement:
             self._own = replace(self._own, heard=self._ballot.heard(key_of(self._own)))
             self._send(self._own)
 
-    def _release(self, key: Key) -> None:
+    def _release(self, key: PlanKey) -> None:
         plan = self._ballot.verified[key]
         self.phase = Phase.RELEASED
         self._adopting = None
         self._state(Stage.RELEASED, key)
-        self._out.append(Release(plan.live, plan.plans, plan.makespan_s, plan.digest))
+        self._out.append(PlanReleased(plan.live, plan.plans, plan.makespan_s, plan.digest))
 
     # Following a release of others --------------------------------------------
 
@@ -322,12 +322,12 @@ class HeadAgreement:
         else:
             self._ask_for(key)
 
-    def _may_adopt(self, key: Key) -> bool:
+    def _may_adopt(self, key: PlanKey) -> bool:
         """Whether we have a plan, or somebody who is here does."""
         ballot = self._ballot
         return ballot.find(key) is not None or ballot.is_pending(key) or bool(ballot.holders(key))
 
-    def _ask_for(self, key: Key) -> None:
+    def _ask_for(self, key: PlanKey) -> None:
         if self._may_ask and not self._ballot.is_pending(key):
             self._may_ask = False
             for head in self._ballot.holders(key):
@@ -349,7 +349,7 @@ class HeadAgreement:
             return
         self._agreeing_ticks += 1
         if self._agreeing_ticks % STALLED_TICKS == 0:
-            self._tell_unfenced(self._roster.missing(self.live))
+            self._report_unfenced(self._roster.missing(self.live))
         if self._adopting is None:
             self._repeat(plans_too=plans_too)
 

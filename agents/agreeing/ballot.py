@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 from agents.messages.kinds import Commit, Plans, Proposal, Stage
 
-Key = tuple[tuple[int, ...], str]  # live set and digest: names a plan
+PlanKey = tuple[tuple[int, ...], str]  # live set and digest: names a plan
 
 REMEMBERED = 256
 """Plans of which is known that they resolve to something else: their digests only, for a
@@ -20,7 +20,7 @@ VERIFIED = 64
 """Plans kept whole that were resolved here, besides those that somebody stands by."""
 
 
-def key_of(stated: Proposal | Commit) -> Key:
+def key_of(stated: Proposal | Commit) -> PlanKey:
     """Return the plan a message speaks of."""
     return stated.live, stated.digest
 
@@ -30,11 +30,11 @@ class Ballot:
 
     def __init__(self) -> None:
         self.commits: dict[int, Commit] = {}
-        self.verified: dict[Key, Proposal] = {}  # resolved here, with the digest they claim
+        self.verified: dict[PlanKey, Proposal] = {}  # resolved here, with the digest they claim
         self._proposals: dict[int, Proposal] = {}
-        self._pending: dict[Key, Proposal] = {}  # being resolved
-        self._rejected: dict[Key, bool] = {}  # whether it was a serial order
-        self.ours: Key | None = None  # what we stand by
+        self._pending: dict[PlanKey, Proposal] = {}  # being resolved
+        self._rejected: dict[PlanKey, bool] = {}  # whether it was a serial order
+        self.ours: PlanKey | None = None  # what we stand by
 
     def propose(self, head: int, proposal: Proposal, *, verified: bool = False) -> None:
         """Note a head's proposal; our own is verified."""
@@ -77,7 +77,7 @@ class Ballot:
             return self.find(key_of(commit))
         return None
 
-    def find(self, key: Key) -> Proposal | None:
+    def find(self, key: PlanKey) -> Proposal | None:
         """Return the proposal behind a plan, if some head stated it."""
         stated = (p for p in self._proposals.values() if key_of(p) == key)
         return self.verified.get(key) or next(stated, None)
@@ -90,11 +90,11 @@ class Ballot:
         self._pending[key] = proposal
         return proposal.plans
 
-    def is_pending(self, key: Key) -> bool:
+    def is_pending(self, key: PlanKey) -> bool:
         """Whether a plan is being resolved."""
         return key in self._pending
 
-    def end_resolving(self, key: Key, digest: str, makespan_s: float) -> bool:
+    def end_resolving(self, key: PlanKey, digest: str, makespan_s: float) -> bool:
         """Note what a plan resolved to; return whether it is what was claimed."""
         proposal = self._pending.pop(key, None)
         if proposal is None:
@@ -111,8 +111,8 @@ class Ballot:
     def _keep(self, proposal: Proposal) -> None:
         """Keep a plan that was resolved here, and drop the oldest that nobody stands by."""
         self.verified[key_of(proposal)] = proposal
-        stood_by = {key_of(said) for said in self._proposals.values()}
-        stood_by |= {key_of(said) for said in self.commits.values()}
+        stood_by = {key_of(each) for each in self._proposals.values()}
+        stood_by |= {key_of(each) for each in self.commits.values()}
         old = [key for key in self.verified if key not in stood_by and key != self.ours]
         for key in old[: max(0, len(self.verified) - VERIFIED)]:
             del self.verified[key]
@@ -125,12 +125,12 @@ class Ballot:
                 return head, is_serial
         return None
 
-    def stage(self, head: int, key: Key) -> int:
+    def stage(self, head: int, key: PlanKey) -> int:
         """Return how far a head's latest word goes with a plan; 0: not at all."""
         commit = self.commits.get(head)
         return int(commit.stage) if commit is not None and key_of(commit) == key else 0
 
-    def heard(self, key: Key) -> tuple[int, ...]:
+    def heard(self, key: PlanKey) -> tuple[int, ...]:
         """Return, for each head of the plan, the term of its commit to it; 0: none."""
         words = (self.commits.get(head) for head in key[0])
         return tuple(c.term if c is not None and key_of(c) == key else 0 for c in words)
@@ -142,6 +142,6 @@ class Ballot:
             return False
         return commit.heard[commit.live.index(me)] == own.term
 
-    def holders(self, key: Key) -> Iterable[int]:
+    def holders(self, key: PlanKey) -> Iterable[int]:
         """Return the heads that committed to a plan: they can send it."""
         return [head for head, commit in self.commits.items() if key_of(commit) == key]

@@ -70,7 +70,7 @@ class Leave:
     reason: str
 
 
-Event = (
+ProtocolEvent = (
     Presence
     | Envelope  # a well-formed message of another head
     | Distribution  # our planner has a new one to share
@@ -146,7 +146,7 @@ class Unfenced:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Release:
+class PlanReleased:
     """Final: every live head agreed to this plan, every other head is fenced."""
 
     live: tuple[int, ...]
@@ -177,7 +177,7 @@ class Left:
     reason: str
 
 
-Notice = LogNote | Refused | Unfenced | Release | Left
+Notice = LogNote | Refused | Unfenced | PlanReleased | Left
 """Effects that whoever watches an agent is shown."""
 
 Effect = Send | Take | Forget | LiveChanged | RosterComplete | Propose | Resolve | Notice

@@ -34,7 +34,6 @@ from collections.abc import Iterable
 from agents.agreeing.agreement import HeadAgreement
 from agents.agreeing.events import (
     Effect,
-    Event,
     Forget,
     HeadFenced,
     Leave,
@@ -44,6 +43,7 @@ from agents.agreeing.events import (
     Phase,
     PlanningEnded,
     PlanResolved,
+    ProtocolEvent,
     RosterComplete,
     Send,
     Take,
@@ -94,7 +94,7 @@ class Protocol:
         self._out: list[Effect] = []
         self._roster = Roster(head, names, problem, fenced)
         self._agreement = HeadAgreement(head, epoch, self._roster, self._out)
-        self._roster_told = False
+        self._roster_reported = False
 
     @property
     def phase(self) -> Phase:
@@ -117,7 +117,7 @@ class Protocol:
         self._check_roster()
         return self._take_out()
 
-    def handle(self, event: Event) -> list[Effect]:
+    def handle(self, event: ProtocolEvent) -> list[Effect]:
         """Take in one event and return what is to be done, in order."""
         if self.phase is Phase.LEFT:
             return []
@@ -128,7 +128,7 @@ class Protocol:
             self._agreement.advance()
         return self._take_out()
 
-    def _take_in(self, event: Event) -> None:
+    def _take_in(self, event: ProtocolEvent) -> None:
         agreement = self._agreement
         match event:
             case Presence(head, epoch, alive):
@@ -164,8 +164,8 @@ class Protocol:
             self._agreement.restart_round()
 
     def _check_roster(self) -> None:
-        if not self._roster_told and not self._roster.missing(self.live):
-            self._roster_told = True
+        if not self._roster_reported and not self._roster.missing(self.live):
+            self._roster_reported = True
             self._out.append(RosterComplete())
 
     # Messages ---------------------------------------------------------------
@@ -174,9 +174,9 @@ class Protocol:
         if not self._roster.is_peer(head):
             return
         if isinstance(message, Hello):
-            self._out += self._roster.hear(head, order, message)
+            self._out += self._roster.receive_hello(head, order, message)
             return
-        if not self._roster.may_hear(head, order, type(message)):
+        if not self._roster.may_receive(head, order, type(message)):
             return
         match message:
             case Distribution() | Joint():
@@ -187,18 +187,18 @@ class Protocol:
             case Proposal() | Commit() | PlanRequest() | PlanReply():
                 self._agreement.receive(head, message)
             case Goodbye():
-                self._hear_goodbye(head, order[0], message)
+                self._receive_goodbye(head, order[0], message)
 
     def _is_of_now(self, message: Distribution | Joint) -> bool:
         """Whether a message is of use to those that are live: a joint plan is of all of them."""
         return isinstance(message, Distribution) or message.live == self.live
 
-    def _hear_goodbye(self, head: int, epoch: int, goodbye: Goodbye) -> None:
+    def _receive_goodbye(self, head: int, epoch: int, goodbye: Goodbye) -> None:
         # Who takes leave without a release stays parked by its own word, which
         # is a fence. Who released prints on: it is gone but not off.
         self._out.append(LogNote(f"{self._roster.names[head]} left: {goodbye.reason}"))
         if goodbye.digest:
-            self._agreement.hear_release(goodbye.digest)
+            self._agreement.receive_release(goodbye.digest)
         else:
             self._roster.fence(head, epoch)
 

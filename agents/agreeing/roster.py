@@ -102,7 +102,7 @@ class Roster:
         if self.present(head) is None:
             self.fenced.add(head)
 
-    def hear(self, head: int, order: tuple[int, int], hello: Hello) -> list[Effect]:
+    def receive_hello(self, head: int, order: tuple[int, int], hello: Hello) -> list[Effect]:
         """Take in a hello: greet or refuse the head, answer if asked."""
         epoch = order[0]
         if self.present(head) != epoch:
@@ -126,14 +126,14 @@ class Roster:
 
     def refuse(self, head: int, reason: str) -> list[Effect]:
         """Say once why a head that is greeted cannot be worked with."""
-        told = (self.greeted[head], reason)
-        if self._refused.get(head) == told:
+        refusal = (self.greeted[head], reason)
+        if self._refused.get(head) == refusal:
             return []
-        self._refused[head] = told
+        self._refused[head] = refusal
         return [Refused(head, reason)]
 
-    def may_hear(self, head: int, order: tuple[int, int], kind: type[Message]) -> bool:
-        """Whether to hear a message: its sender is greeted and said nothing newer of its kind."""
+    def may_receive(self, head: int, order: tuple[int, int], kind: type[Message]) -> bool:
+        """Whether to take a message: its sender is greeted and sent nothing newer of its kind."""
         # Not greeted: unknown or another problem. Our ticks ask for its hello.
         if self.greeted.get(head) != order[0] or not self._is_news(head, order, kind):
             return False
@@ -141,7 +141,7 @@ class Roster:
         return True
 
     def _is_news(self, head: int, order: tuple[int, int], kind: type[Message]) -> bool:
-        """Whether this is the latest of its kind that a head said; if so it is from now on."""
+        """Whether this is the latest of its kind that a head sent; if so it is from now on."""
         epoch, seq = order
         of, latest = self._latest.get((head, kind), (epoch, -1))
         if of == epoch and latest >= seq:
@@ -154,7 +154,7 @@ class Roster:
         self._promised[head] = ticks
 
     def tick(self) -> list[Effect]:
-        """Drop who broke its promise to speak, say hello to who is present but not heard."""
+        """Drop who broke its promise to speak, say hello to who is present but not greeted."""
         out: list[Effect] = []
         for head in sorted(self.greeted):
             self._silent[head] += 1
@@ -163,8 +163,8 @@ class Roster:
                 del self.greeted[head]
                 out.append(LogNote(f"{self.names[head]} is silent"))
         present = {head for head in self._tokens if self.present(head) is not None}
-        unheard = present - self.greeted.keys() - self._refused.keys()
-        return [*out, self._hello(wants_answer=True)] if unheard else out
+        ungreeted = present - self.greeted.keys() - self._refused.keys()
+        return [*out, self._hello(wants_answer=True)] if ungreeted else out
 
     def _hello(self, *, wants_answer: bool) -> Send:
         hello = Hello(self.problem, VERSION, self.names[self.head], wants_answer)

@@ -31,7 +31,7 @@ class Crew:
     """
 
     def __init__(self, heads: int, command: Sequence[str] = EXTRUDER) -> None:
-        self.heard: queue.Queue[AgentLine]  # what they write
+        self.received: queue.Queue[AgentLine]  # what they write
         self._heads, self._command = heads, (*command, PIPED)
         self._agents: dict[int, AgentProcess] = {}
         self._begun = False
@@ -43,10 +43,10 @@ class Crew:
     def __enter__(self) -> Self:
         """Start the processes, unless they are started already."""
         if not self._agents:
-            self.heard = queue.Queue()
+            self.received = queue.Queue()
             try:
                 for head in range(self._heads):
-                    self._agents[head] = AgentProcess(head, self._command, self.heard.put)
+                    self._agents[head] = AgentProcess(head, self._command, self.received.put)
             except BaseException:  # no `__exit__` comes behind this
                 self._end()
                 raise
@@ -81,6 +81,6 @@ class Crew:
     def start_again(self, head: int, arguments: Sequence[str], meeting: Meeting | None) -> None:
         """Start a process in the place of one that ended, and hand it its arguments."""
         self._agents[head].reap()
-        agent = AgentProcess(head, self._command, self.heard.put)
+        agent = AgentProcess(head, self._command, self.received.put)
         self._agents[head] = agent
         agent.begin([*arguments, "--head", str(head)], meeting)

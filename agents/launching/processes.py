@@ -42,7 +42,7 @@ class AgentProcess:
         Its head.
     command : sequence of str
         What to run.
-    hear : Callable
+    receive : Callable
         Takes the lines it writes, in a thread of its own.
     inherits : sequence of int
         Descriptors it has from us, by the same numbers.
@@ -52,7 +52,7 @@ class AgentProcess:
         self,
         head: int,
         command: Sequence[str],
-        hear: Callable[[AgentLine], None],
+        receive: Callable[[AgentLine], None],
         inherits: Sequence[int] = (),
     ) -> None:
         self.head = head
@@ -66,7 +66,7 @@ class AgentProcess:
             pass_fds=inherits,
         )
         # Daemon: a reader stuck on a pipe must not keep a crashed launcher alive.
-        self._reader = threading.Thread(target=self._read, args=(hear,), daemon=True)
+        self._reader = threading.Thread(target=self._read, args=(receive,), daemon=True)
         self._reader.start()
 
     @property
@@ -137,7 +137,7 @@ class AgentProcess:
         lines = self._errors.read()[-4096:].decode(errors="replace").strip().splitlines()
         return lines[-1].removeprefix(PREFIX) if lines else ""
 
-    def _read(self, hear: Callable[[AgentLine], None]) -> None:
+    def _read(self, receive: Callable[[AgentLine], None]) -> None:
         pipe = self._process.stdout
         assert pipe is not None
         for raw in pipe:
@@ -146,8 +146,8 @@ class AgentProcess:
             except ValueError:
                 continue  # not ours: a library printed
             if isinstance(line, dict):
-                hear(AgentLine(self.head, line))
-        hear(AgentLine(self.head, None))
+                receive(AgentLine(self.head, line))
+        receive(AgentLine(self.head, None))
 
 
 def _signal_name(number: int) -> str:

@@ -99,7 +99,7 @@ def run_agents(
         supervisor = Supervisor(
             team.agents,
             tuple(names),
-            team.heard,
+            team.received,
             stopping=stopping,
             epoch=epoch,
             on_progress=on_progress,

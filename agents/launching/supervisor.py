@@ -18,7 +18,7 @@ from dataclasses import replace
 from typing import Any
 
 from agents.launching import limits
-from agents.launching.hearing import Hearing
+from agents.launching.liveness import Liveness
 from agents.launching.processes import AgentLine
 from agents.launching.status import (
     REPORTED,
@@ -43,7 +43,7 @@ class Supervisor:
         self,
         agents: Mapping[int, Child],
         names: tuple[str, ...],
-        heard: queue.Queue[AgentLine],
+        received: queue.Queue[AgentLine],
         *,
         stopping: Stopping,
         epoch: int,
@@ -55,12 +55,12 @@ class Supervisor:
         self._epochs = dict.fromkeys(agents, epoch)  # which incarnation of each head counts
         self.fenced: set[int] = set()
         self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
-        self._agents, self._names, self._heard = agents, names, heard
+        self._agents, self._names, self._received = agents, names, received
         self._released: dict[int, dict[str, Any]] = {}
         self._released_since: float | None = None  # by the first agent
         self._ready: set[int] = set()
         self._misses: dict[tuple[int, int], float] = {}  # who misses whom -> since when
-        self._hearing = Hearing()
+        self._liveness = Liveness()
         assert stopping.seconds is not None  # agents plan by the clock
         self._limit_s, self._on_progress = stopping.seconds, on_progress
         self._stopping, self._is_stopped = stopping, False
@@ -148,26 +148,26 @@ class Supervisor:
 
     def _listen(self) -> None:
         try:
-            heard = self._heard.get(timeout=_POLL_S)
+            received = self._received.get(timeout=_POLL_S)
         except queue.Empty:
             return
-        if heard.line is None:
-            self._end(heard.head)
-        elif heard.head not in self.fenced:
-            self._take(heard.head, heard.line)
+        if received.line is None:
+            self._end(received.head)
+        elif received.head not in self.fenced:
+            self._take(received.head, received.line)
         if self._on_progress is not None:
             self._on_progress(tuple(self.status))
 
     def _take(self, head: int, line: dict[str, Any]) -> None:
         now = self._clock()
         if line.get("event") == "pulse":
-            self._hearing.feel(head, now)
+            self._liveness.take_pulse(head, now)
             return
         # Loading and compiling say nothing of rounds.
-        self._hearing.hear(head, now, plans=self.status[head].rounds > 0)
-        self._hear(head, line)
+        self._liveness.take_word(head, now, plans=self.status[head].rounds > 0)
+        self._receive(head, line)
 
-    def _hear(self, head: int, line: dict[str, Any]) -> None:
+    def _receive(self, head: int, line: dict[str, Any]) -> None:
         match line:
             case {"event": "ready"}:
                 self._ready.add(head)
@@ -238,7 +238,7 @@ class Supervisor:
         self._epochs[head] += 1
         self._again[head] = now
         self._ready.discard(head)
-        self._hearing.forget(head)
+        self._liveness.forget(head)
         self._update(head, phase="starting", live=(), stuck=False, note=ending, again=ending)
         left_s = self._limit_s - (now - self._met_at if self._met_at is not None else 0.0)
         self._start_again(head, self._epochs[head], max(left_s, 0.0), self._places)
@@ -262,8 +262,8 @@ class Supervisor:
             (head, other)
             for (head, other), at in self._misses.items()
             if now - max(at, self._moved_at) >= patience_s
-            and self._hearing.speaks(head, now)
-            and self._hearing.heard_since(other, at)  # else it comes back, or is hung
+            and self._liveness.is_alive(head, now)
+            and self._liveness.has_word_since(other, at)  # else it comes back, or is hung
         ]
         if not overdue:
             return
@@ -314,7 +314,7 @@ class Supervisor:
             self._met_at = now
         if self._is_over(now) or self._met_at is None:
             for head in self._unfenced():
-                if self._hearing.is_hung(head, now):
+                if self._liveness.is_hung(head, now):
                     self.fence(head, f"it said nothing for {limits.HUNG_S:g} s")
         self._settle_misses(now)
         if self._released_since is not None and now - self._released_since > limits.FOLLOW_LIMIT_S:
@@ -333,9 +333,9 @@ class Supervisor:
                 self.fence(head, f"{self.status[head].again}, and not back in time")
             elif now - since > limits.START_LIMIT_S:
                 self.fence(head, f"not ready after {limits.START_LIMIT_S:g} s")
-            elif self._hearing.is_hung(head, now):
+            elif self._liveness.is_hung(head, now):
                 self.fence(head, f"it said nothing for {limits.HUNG_S:g} s")
-            elif not self._hearing.was_heard(head) and now > until:
+            elif not self._liveness.was_alive(head) and now > until:
                 self.fence(head, "it never said anything")
 
     def _is_over(self, now: float, since_s: float = 0.0) -> bool:
@@ -370,7 +370,7 @@ class Supervisor:
         """Return how long agents may take to agree, by what is known of their rounds."""
         heads_s = limits.AGREE_HEAD_S * max(0, len(self._names) - 2)
         return max(
-            limits.AGREE_LIMIT_S + heads_s, limits.AGREE_ROUNDS * self._hearing.longest_round_s()
+            limits.AGREE_LIMIT_S + heads_s, limits.AGREE_ROUNDS * self._liveness.longest_round_s()
         )
 
     def _fence_silent(self, why: str) -> None:

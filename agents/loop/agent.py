@@ -15,7 +15,6 @@ from typing import Protocol as Interface
 
 from agents.agreeing.events import (
     Effect,
-    Event,
     Forget,
     Leave,
     LiveChanged,
@@ -23,9 +22,10 @@ from agents.agreeing.events import (
     Notice,
     Phase,
     PlanningEnded,
+    PlanReleased,
     PlanResolved,
     Propose,
-    Release,
+    ProtocolEvent,
     Resolve,
     RosterComplete,
     Send,
@@ -88,7 +88,7 @@ class Meet:
 class FrontEnd(Interface):
     """Who watches and commands one agent: a launcher, a terminal or a test."""
 
-    def commands(self) -> list[Event | Meet]:
+    def commands(self) -> list[ProtocolEvent | Meet]:
         """Return what was asked since the last call."""
 
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
@@ -137,7 +137,7 @@ class Agent:
     ) -> None:
         self.protocol = Protocol(head, epoch, planner.names, planner.problem, fenced=fenced)
         self.traffic = Traffic() if traffic is None else traffic
-        self.released: Release | None = None
+        self.released: PlanReleased | None = None
         self.rounds = 0
         self._head, self._epoch, self._seq = head, epoch, 0
         self._planner, self._transport, self._front = planner, transport, front
@@ -222,7 +222,7 @@ class Agent:
             self._entropy = own.entropy
             self._feed(own)
         joint = self._planner.best_joint(self._live)
-        if self._offers.is_worth_telling(joint, now):
+        if self._offers.is_worth_sending(joint, now):
             self._feed(joint)
 
     def _get_stuck(self, error: InputError) -> None:
@@ -295,7 +295,7 @@ class Agent:
         if self.traffic.dropped[reason] == 1:
             self._front.tell(LogNote(f"dropped: {reason} {detail}".rstrip()))
 
-    def _feed(self, event: Event) -> None:
+    def _feed(self, event: ProtocolEvent) -> None:
         self._perform(self.protocol.handle(event))
 
     def _perform(self, effects: list[Effect]) -> None:
@@ -306,7 +306,7 @@ class Agent:
             if answer is not None:
                 waiting.extend(self.protocol.handle(answer))
 
-    def _do(self, effect: Effect) -> Event | None:
+    def _do(self, effect: Effect) -> ProtocolEvent | None:
         match effect:
             case Send(message):
                 self._send(message)
@@ -322,7 +322,7 @@ class Agent:
                 return self._propose(live, serial=serial)
             case Resolve(live, plans, claimed):
                 return self._resolve(live, plans, claimed)
-            case Release():
+            case PlanReleased():
                 self.released = effect
                 self.show()
                 self._front.tell(effect)
@@ -330,7 +330,7 @@ class Agent:
                 self._front.tell(effect)
         return None
 
-    def _propose(self, live: tuple[int, ...], *, serial: bool) -> Event | None:
+    def _propose(self, live: tuple[int, ...], *, serial: bool) -> ProtocolEvent | None:
         if self._agreeing_since is None:
             self._agreeing_since = self._clock()
         try:
@@ -348,7 +348,7 @@ class Agent:
         except MessageError as error:
             self.drop(f"distribution of head {head} does not fit", str(error))
 
-    def _resolve(self, live: tuple[int, ...], plans: Plans, claimed: str) -> Event:
+    def _resolve(self, live: tuple[int, ...], plans: Plans, claimed: str) -> ProtocolEvent:
         try:
             found = self._planner.resolve(plans, live)
         except (MessageError, InputError) as error:

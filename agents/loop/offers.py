@@ -19,23 +19,23 @@ TELL_S = 1.0
 """At most so often our own best is told."""
 
 REPEAT_S = 5.0
-"""So often it is told again though it is no better: messages may be lost."""
+"""So often it is sent again though it is no better: messages may be lost."""
 
 
 class Offers:
-    """What peers told last, and what we told."""
+    """What peers sent last, and what we sent."""
 
     def __init__(self) -> None:
         self._waiting: dict[int, Joint] = {}
-        self._judge_from = self._told_s = float("-inf")
-        self._told = Joint((0,), {}, 0.0)
+        self._judge_from = self._sent_s = float("-inf")
+        self._sent = Joint((0,), {}, 0.0)
 
     def add(self, head: int, joint: Joint) -> None:
         """Keep a peer's latest."""
         self._waiting[head] = joint
 
     def next(self, best_s: float, live: tuple[int, ...], now_s: float) -> tuple[int, Joint] | None:
-        """Return the plan to judge now, with who told it, and drop what is no better than ours."""
+        """Return the plan to judge now, with who sent it, and drop what is no better than ours."""
         if now_s < self._judge_from or not self._waiting:
             return None
         better = {
@@ -52,10 +52,10 @@ class Offers:
         """Note how long judging the last one took."""
         self._judge_from = max(self._judge_from, began_s + (now_s - began_s) / JUDGING)
 
-    def is_worth_telling(self, joint: Joint, now_s: float) -> bool:
-        """Whether to tell this plan now; if so it counts as told."""
-        known = self._told.live == joint.live and self._told.makespan_s <= joint.makespan_s
-        if now_s - self._told_s < (REPEAT_S if known else TELL_S):
+    def is_worth_sending(self, joint: Joint, now_s: float) -> bool:
+        """Whether to send this plan now; if so it counts as sent."""
+        known = self._sent.live == joint.live and self._sent.makespan_s <= joint.makespan_s
+        if now_s - self._sent_s < (REPEAT_S if known else TELL_S):
             return False
-        self._told, self._told_s = joint, now_s
+        self._sent, self._sent_s = joint, now_s
         return True

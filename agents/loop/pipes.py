@@ -24,15 +24,15 @@ from dataclasses import asdict
 from typing import Any
 
 from agents.agreeing.events import (
-    Event,
     HeadFenced,
     Leave,
     Left,
     LogNote,
     Notice,
     PlanningEnded,
+    PlanReleased,
+    ProtocolEvent,
     Refused,
-    Release,
     Unfenced,
 )
 from agents.loop.agent import AgentProgress, Meet
@@ -42,7 +42,8 @@ from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 
 _NAMES: dict[type[Notice], str] = {
-    LogNote: "note", Refused: "refused", Unfenced: "unfenced", Release: "released", Left: "left",
+    LogNote: "note", Refused: "refused", Unfenced: "unfenced", PlanReleased: "released",
+    Left: "left",
 }  # fmt: skip
 _MAX_LINE = 65536
 _WATCH_MS = 100
@@ -64,7 +65,7 @@ class PipeFront:
         self._parse = parse_command if parse is None else parse  # of lines of another launcher
         self._rest = b""
         self._open = True
-        self._asked: list[Event | Meet] = []
+        self._asked: list[ProtocolEvent | Meet] = []
         self._is_ready = threading.Event()
         self._writing = threading.Lock()
         self.sweep: Callable[[], None] = lambda: None  # before the process ends itself
@@ -123,11 +124,11 @@ class PipeFront:
             )
         return words
 
-    def ask(self, event: Event) -> None:
+    def ask(self, event: ProtocolEvent) -> None:
         """Queue a command of this process itself (a signal)."""
         self._asked.append(event)
 
-    def commands(self) -> list[Event | Meet]:
+    def commands(self) -> list[ProtocolEvent | Meet]:
         """Return what the launcher or a signal asked since the last call."""
         # select + os.read instead of a reader thread: a thread blocked in a
         # buffered read aborts the interpreter's shutdown.
@@ -178,13 +179,13 @@ class TerminalFront:
     """A front end for a person who runs one agent by hand."""
 
     def __init__(self) -> None:
-        self._asked: list[Event | Meet] = []
+        self._asked: list[ProtocolEvent | Meet] = []
 
-    def ask(self, event: Event) -> None:
+    def ask(self, event: ProtocolEvent) -> None:
         """Queue a command (a signal)."""
         self._asked.append(event)
 
-    def commands(self) -> list[Event | Meet]:
+    def commands(self) -> list[ProtocolEvent | Meet]:
         """Return what signals asked since the last call."""
         asked, self._asked = self._asked, []
         return asked
@@ -205,7 +206,7 @@ class TerminalFront:
                 line = f"refused: {reason}"
             case Unfenced(heads):
                 line = f"agreed, but heads {list(heads)} are neither here nor fenced: not released"
-            case Release():
+            case PlanReleased():
                 line = f"released plan {effect.digest}, makespan {effect.makespan_s:.1f} s"
             case Left(reason):
                 line = f"left: {reason}"
@@ -215,10 +216,10 @@ class TerminalFront:
 def parse_arguments(line: bytes) -> tuple[list[str] | None, Meeting | None]:
     """Return the command line and the meeting that a first line hands over, None for either."""
     try:
-        told = json.loads(line)
+        stated = json.loads(line)
     except ValueError:
         return None, None
-    match told:
+    match stated:
         case {"command": "begin", "arguments": [*words], "meeting": where}:
             return [str(word) for word in words], Meeting.from_dict(where)
         case {"command": "begin", "arguments": [*words]}:
@@ -235,7 +236,7 @@ def any_command(line: bytes) -> dict[str, Any] | None:
     return found if isinstance(found, dict) else None
 
 
-def parse_command(line: bytes) -> Event | Meet | None:
+def parse_command(line: bytes) -> ProtocolEvent | Meet | None:
     """Return the event a command line stands for, None for anything else."""
     try:
         asked = json.loads(line)

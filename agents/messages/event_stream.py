@@ -29,8 +29,8 @@ _NAMES = {kind.value: kind for kind in EventKind}
 
 def header(problem: str, heads: tuple[str, ...]) -> bytes:
     """Return what a stream begins with."""
-    said = {"format": FORMAT, "version": VERSION, "problem": problem, "heads": list(heads)}
-    return bytes(msgpack.packb(said))
+    contents = {"format": FORMAT, "version": VERSION, "problem": problem, "heads": list(heads)}
+    return bytes(msgpack.packb(contents))
 
 
 def pack_event(event: PrintEvent) -> bytes:

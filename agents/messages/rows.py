@@ -11,7 +11,7 @@ from typing import Any, TypeVar, get_type_hints
 from agents.messages.kinds import MessageError, Stage
 
 T = TypeVar("T")
-Place = tuple[float, float, float]
+Position = tuple[float, float, float]
 
 
 def array(value: object, length: int | None = None) -> list[Any]:
@@ -37,7 +37,7 @@ text = _only(str, "text")
 _number = _only(float, "a number as a float")
 
 
-def _place(value: object) -> Place:
+def _place(value: object) -> Position:
     x, y, z = map(_number, array(value, 3))
     return x, y, z
 
@@ -47,7 +47,7 @@ PLAIN: Mapping[Any, Callable[[object], Any]] = {
     str: text,
     bool: _only(bool, "true or false"),
     float: _number,
-    Place: _place,
+    Position: _place,
     Stage: lambda value: Stage(integer(value)),
     tuple[int, ...]: lambda value: tuple(map(integer, array(value))),
 }

@@ -40,9 +40,9 @@ class Meeting:
         return {"places": list(self.places), "secret": self.secret.hex()}
 
     @classmethod
-    def from_dict(cls, told: object) -> Self:
+    def from_dict(cls, stated: object) -> Self:
         """Return what a launcher handed over; raises `InputError`."""
-        match told:
+        match stated:
             case {"places": [*places], "secret": str(secret)}:
                 try:
                     return cls(checked_places(places), bytes.fromhex(secret))

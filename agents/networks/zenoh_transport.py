@@ -115,7 +115,7 @@ class ZenohTransport:
         self._ring = ring_size(len(places))
         self._session: zenoh.Session | None = None
         self._shut_until: float | None = None  # not open; when to try again
-        self._is_shut_told = False
+        self._is_shut_reported = False
         self._queue: deque[tuple[str, bytes]] = deque()
         self._queued_bytes = 0
         self._latest: dict[str, bytes] = {}  # unreliable kinds: only the newest waits
@@ -152,13 +152,13 @@ class ZenohTransport:
                 token = self._keys.alive(self._head, self._epoch)
                 self._token = session.liveliness().declare_token(token)
                 self._stack, self._session = stack.pop_all(), session
-                self._shut_until, self._is_shut_told = None, False
+                self._shut_until, self._is_shut_reported = None, False
         except InputError as error:
             if self._on_shut is None:
                 raise
             self._shut_until = time.monotonic() + RETRY_S
-            if not self._is_shut_told:
-                self._is_shut_told = True
+            if not self._is_shut_reported:
+                self._is_shut_reported = True
                 self._on_shut(str(error))
 
     def _close(self) -> None:
@@ -185,7 +185,7 @@ class ZenohTransport:
 
     def move(self, places: Sequence[str]) -> None:
         """Meet the others at other places from the next `receive` on."""
-        self._places, self._is_shut_told = tuple(places), False
+        self._places, self._is_shut_reported = tuple(places), False
         self._shut_until = 0.0
 
     def _must_begin_again(self) -> bool:

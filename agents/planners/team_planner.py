@@ -59,8 +59,8 @@ class DecMctsPlanner:
     def take(self, head: int, distribution: Distribution) -> None:
         """Use a peer's latest distribution."""
         self._require_known(distribution.sequences)
-        told = PlanDistribution(distribution.sequences, distribution.probabilities)
-        self._search.take(head, told)
+        received = PlanDistribution(distribution.sequences, distribution.probabilities)
+        self._search.take(head, received)
 
     def forget(self, head: int) -> None:
         """Drop what is known of a peer."""

@@ -31,7 +31,7 @@ from agents.running.port import (
     Start,
     Statement,
 )
-from agents.running.report import NOTHING, Reached, Report, newer
+from agents.running.report import NOTHING, HeadReport, Reached, newer
 from decmcts.print.plan import After, HeadActions, JointPlan
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
 
@@ -71,9 +71,9 @@ class Carrier:
     off: bool = False  # the controller said so
     event: PrintEvent | None = None
     at: tuple[float, float, float] | None = None
-    reports: dict[int, Report] = field(default_factory=dict)
+    reports: dict[int, HeadReport] = field(default_factory=dict)
     fenced: dict[int, tuple[int, Reached]] = field(default_factory=dict)  # plan, and how far
-    heard_s: dict[int, dict[tuple[int, int, int], float]] = field(default_factory=dict)
+    received_s: dict[int, dict[tuple[int, int, int], float]] = field(default_factory=dict)
     out: list[Command] = field(default_factory=list)
     seq: int = 0
     agreed: int = -1  # the newest plan that all its heads held when this one began
@@ -104,7 +104,7 @@ class Carrier:
                 elif stated.action != NO_ACTION:
                     self.reached = self.reached.after(stated)
 
-    def take_report(self, report: Report) -> None:
+    def take_report(self, report: HeadReport) -> None:
         """Take what another head reports."""
         if report.head != self.head:
             self.reports[report.head] = newer(self.reports.get(report.head), report)
@@ -175,10 +175,10 @@ class Carrier:
             found.append(ReleaseActions(self.number, self.released))
         return found
 
-    def report(self) -> Report:
+    def report(self) -> HeadReport:
         """Return what is reported to the others now."""
         self.seq += 1
-        return Report(
+        return HeadReport(
             self.head, self.seq, self.number, self.held, self.reached, self.event, self.off
         )
 
@@ -256,8 +256,8 @@ class Carrier:
         for edge in actions.after_edges(action):
             if not self.has_passed(plan, edge):
                 return False
-            if edge.lag_s > 0.0:  # counted from when it was heard: that is no sooner
-                of = self.heard_s.setdefault(plan.number, {})
+            if edge.lag_s > 0.0:  # counted from when the report came: that is no sooner
+                of = self.received_s.setdefault(plan.number, {})
                 since = of.setdefault((edge.head, edge.action, edge.point), now_s)
                 if now_s - since < edge.lag_s:
                     return False

@@ -42,12 +42,12 @@ class HeadProcesses:
         Its place in the plan.
     controller : sequence of str
         The command of its controller; `--record` and a descriptor are added.
-    hear : Callable
+    receive : Callable
         Takes what both state, in threads of its own.
     """
 
     def __init__(
-        self, head: int, controller: Sequence[str], hear: Callable[[AgentLine | Recorded], None]
+        self, head: int, controller: Sequence[str], receive: Callable[[AgentLine | Recorded], None]
     ) -> None:
         self.head = head
         asks, to = os.pipe()
@@ -57,7 +57,7 @@ class HeadProcesses:
             [*controller, "--record", str(keeps)], stdin=asks, stdout=says, pass_fds=[keeps],
             start_new_session=True,
         )  # fmt: skip
-        self._ends, self._hear = (to, of), hear
+        self._ends, self._receive = (to, of), receive
         self._start_agent()
         for descriptor in (asks, says, keeps):
             os.close(descriptor)
@@ -65,7 +65,7 @@ class HeadProcesses:
         self._reader.start()
 
     def _start_agent(self) -> None:
-        self.agent = AgentProcess(self.head, RUNNER, self._hear, inherits=self._ends)
+        self.agent = AgentProcess(self.head, RUNNER, self._receive, inherits=self._ends)
 
     def restart(self) -> None:
         """Start another agent in the place of one that is gone, or is ended here."""
@@ -113,6 +113,6 @@ class HeadProcesses:
         pipe = Pipe(record)
         while pipe.open:
             for statement in pipe.statements():
-                self._hear(Recorded(self.head, statement))
+                self._receive(Recorded(self.head, statement))
         os.close(record)
-        self._hear(Recorded(self.head, None))
+        self._receive(Recorded(self.head, None))

@@ -54,7 +54,7 @@ NOTHING = Reached()
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class HeadReport:
     """Where one head stands."""
 
     head: int  # in the first plan
@@ -76,7 +76,7 @@ class Report:
         )
 
 
-def unpack_report(head: int, payload: bytes) -> Report:
+def unpack_report(head: int, payload: bytes) -> HeadReport:
     """Return the report of a head; raises ValueError where there is none."""
     if len(payload) > 2 * MOST_BYTES:
         raise ValueError(f"{len(payload)} bytes are more than a report has")
@@ -96,11 +96,11 @@ def unpack_report(head: int, payload: bytes) -> Report:
                 raise ValueError("a count that is none")
             reached = Reached(ended, begun, point)
             last = unpack_event(event) if event else None
-            return Report(head, seq, number, digest, reached, last, off)
+            return HeadReport(head, seq, number, digest, reached, last, off)
     raise ValueError("no report of this head and version")
 
 
-def newer(known: Report | None, found: Report) -> Report:
+def newer(known: HeadReport | None, found: HeadReport) -> HeadReport:
     """Return the newer of two reports of a head; in the same plan it has come no less far."""
     if known is None:
         return found

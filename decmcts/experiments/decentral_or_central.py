@@ -19,7 +19,7 @@ from decmcts.experiments.in_memory import agreed, weather_of
 from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
 from decmcts.experiments.pictures import boxes, figure
 from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
-from decmcts.experiments.teams import Plan, figures, given, in_one_process, planned
+from decmcts.experiments.teams import PlanFunction, figures, given, in_one_process, planned
 from decmcts.experiments.two_heads import machine_for
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
@@ -29,7 +29,7 @@ from decmcts.team.engine.problem import TeamProblem
 HEADS = 3
 BED_MM = 500.0
 MADE = ("row-6-20-20", "row-3-60-10")
-PLANNERS: Mapping[str, Plan] = {
+PLANNERS: Mapping[str, PlanFunction] = {
     "dec-mcts": in_one_process,
     "one tree": one_tree.plan,
     "annealing": annealing.plan,

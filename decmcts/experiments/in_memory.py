@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from agents.agreeing.events import Release
+from agents.agreeing.events import PlanReleased
 from agents.networks.memory import Weather
 from agents.planners.planner import AgentPlanner
 from agents.planners.serial import joint_order
@@ -72,7 +72,7 @@ def _done(team: MemoryTeam) -> bool:
     return len(team.releases()) == len(team.agents)
 
 
-def _exact(what: Given, release: Release) -> PlanDocument:
+def _exact(what: Given, release: PlanReleased) -> PlanDocument:
     order = joint_order(what.team, release.plans, release.live)
     if order.digest != release.digest:
         raise VerificationError("the plan that was released resolves to another here")

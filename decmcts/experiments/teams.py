@@ -38,7 +38,7 @@ from sim.verify import verify_plan
 COLUMNS = ["times as fast", "at most", "waits %", "done early %"]
 STEPS = 20_000  # of one head's annealing for each round of a team
 
-Plan = Callable[..., Found]  # (problem, budget, *, seed)
+PlanFunction = Callable[..., Found]  # (problem, budget, *, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +85,7 @@ def in_one_process(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     return best.found
 
 
-def planned(what: Given, key: Key, by: Plan = in_one_process) -> tuple[PlanDocument, Found]:
+def planned(what: Given, key: Key, by: PlanFunction = in_one_process) -> tuple[PlanDocument, Found]:
     """Return the joint plan that a planner finds; raises VerificationError unless it is safe."""
     compile_rounds()
     by(what.team, Budget(Stopping(iterations=1)), seed=0)  # compiles, or loads what is compiled

@@ -35,7 +35,7 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class _Groups:
+class _ToolEpochs:
     """Contours by epoch and tool: group g has `member[begin[g]:begin[g + 1]]`, ascending."""
 
     member: Ints  # (n,)
@@ -72,16 +72,16 @@ def prime_first(graph: DependencyGraph, job: PrintJob) -> DependencyGraph:
     return _joined(graph, pairs, kept, more)
 
 
-def _groups_of(contours: Contours) -> _Groups:
+def _groups_of(contours: Contours) -> _ToolEpochs:
     member = np.lexsort((contours.tool, contours.epoch)).astype(np.int64)
     epoch, tool = contours.epoch[member], contours.tool[member]
     fresh = np.concatenate([[True], (np.diff(epoch) != 0) | (np.diff(tool) != 0)])
     of = np.empty(len(member), np.int64)
     of[member] = np.cumsum(fresh) - 1
-    return _Groups(member, np.append(np.flatnonzero(fresh), len(member)), of)
+    return _ToolEpochs(member, np.append(np.flatnonzero(fresh), len(member)), of)
 
 
-def primers(contours: Contours, refills: tuple[int, ...], groups: _Groups) -> Bools:
+def primers(contours: Contours, refills: tuple[int, ...], groups: _ToolEpochs) -> Bools:
     """Return which contours prime the nozzle, (n,)."""
     front = np.isin(contours.role, FRONT)
     unknown = contours.role == Role.UNKNOWN
@@ -108,7 +108,7 @@ def primers(contours: Contours, refills: tuple[int, ...], groups: _Groups) -> Bo
     return np.asarray(rank < count[groups.of])
 
 
-def _leading(flag: Bools, groups: _Groups) -> Ints:
+def _leading(flag: Bools, groups: _ToolEpochs) -> Ints:
     """Return how many contours each group has before its first without the flag, (n_groups,)."""
     place = np.arange(len(flag))
     ends = np.where(flag[groups.member], len(flag), place)
@@ -165,7 +165,9 @@ def _contacts(contours: Contours, run: Ints, near: Ints) -> tuple[Ints, Bools]:
     return last, lies_on
 
 
-def _follows(pairs: Ints, contours: Contours, groups: _Groups, primes: Bools, last: Ints) -> Bools:
+def _follows(
+    pairs: Ints, contours: Contours, groups: _ToolEpochs, primes: Bools, last: Ints
+) -> Bools:
     """Return which edges follow from the chains and what they lead to, (m,).
 
     Within a group all edges out of what primes; between epochs of one tool each those

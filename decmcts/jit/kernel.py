@@ -22,7 +22,7 @@ from decmcts.jit.borrowing import borrows
 from decmcts.jit.library import compiling, compiling_kernel, hand_environments, set_attribute
 from decmcts.jit.store import Store
 
-Report = Callable[[str], None]
+OnCompiling = Callable[[str], None]
 """Told the name of each kernel about to be compiled."""
 
 Maker = Callable[[Callable[[], Any]], Any]
@@ -32,7 +32,7 @@ _Dispatcher: Any = registry.CPUDispatcher  # numba has no types of its own
 _Result: Any = CompileResult
 _lock: Any = global_compiler_lock
 _COUNTS = "_nrt"  # numba's option: whether to count who holds an array
-_reports: list[Report] = []
+_reports: list[OnCompiling] = []
 _compiled_now: list[str] = []  # kernels this process makes, or waits for
 _turn = threading.Lock()  # held while kernels of another thread come first
 _giving_way: list[int] = []  # threads that wait for it, none of which may hold it
@@ -40,7 +40,7 @@ _makers: dict[int, Maker] = {}  # threads, and what has their kernels made in an
 
 
 @contextmanager
-def reported_to(report: Report) -> Iterator[None]:
+def reported_to(report: OnCompiling) -> Iterator[None]:
     """Tell `report` of every kernel that is compiled meanwhile, in this process."""
     _reports.append(report)
     try:

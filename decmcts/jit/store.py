@@ -36,7 +36,7 @@ SPILL = "DECMCTS_TEMPORARY_CACHE"  # environment variable: the temporary folder,
 MARK = "complete"  # begins the names of files that say that something is
 _DIGEST = 16  # bytes at the beginning of a file: what the rest must be
 
-Key = tuple[str, ...]
+CodeKey = tuple[str, ...]
 
 _config: Any = numba.config  # its options are made at run time
 _dumps: Any = dumps
@@ -75,7 +75,7 @@ class Store:
         self._claim: Any = None
         self._used = False
 
-    def read(self, key: Key) -> Any:
+    def read(self, key: CodeKey) -> Any:
         """Return what was kept under a key, None if nothing was or the file is damaged."""
         for folder in (self.folder, temporary_folder()):
             if folder is None or not _trusted(folder):
@@ -90,7 +90,7 @@ class Store:
                 return pickle.loads(content[_DIGEST:])
         return None
 
-    def read_or_claim(self, key: Key) -> Any:
+    def read_or_claim(self, key: CodeKey) -> Any:
         """Return what is kept under a key; None if nothing is, and this process shall make it.
 
         Waits while another process that claimed it lives. `release` ends the claim.
@@ -101,7 +101,7 @@ class Store:
             found = self.read(key)
         return found
 
-    def write(self, key: Key, content: Any) -> None:
+    def write(self, key: CodeKey, content: Any) -> None:
         """Keep something under a key, whole or not at all."""
         payload = _dumps(content)
         payload = blake2b(payload, digest_size=_DIGEST).digest() + payload
@@ -192,7 +192,7 @@ def size_of(home: Path) -> tuple[int, int]:
     return len(sizes), sum(sizes)
 
 
-def _name(key: Key) -> str:
+def _name(key: CodeKey) -> str:
     digest = blake2b("\0".join((*key, sys.version)).encode(), digest_size=12).hexdigest()
     return f"{key[0].rsplit('.', 1)[-1]}-{digest}.code"
 

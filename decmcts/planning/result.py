@@ -201,12 +201,15 @@ class Result:
         InputError
             As `write_plan`.
         """
-        from sim.pictures.report import Told, write_report  # shapely loads for those who ask
+        from sim.pictures.report import (  # shapely loads for those who ask
+            ReportDetails,
+            write_report,
+        )
 
         out, planned = Path(path), self.planned
         self._refuse(out)
         refuse_other_suffixes(None, out, None)
-        told = Told(
+        details = ReportDetails(
             self.source.name, planned.verdict, planned.problem.graph,
             source_lines(planned.problem.job),
         )  # fmt: skip
@@ -215,7 +218,7 @@ class Result:
             before=before_by_pieces(planned.before, planned.after),
             after=planned.after,
             history=planned.history,
-            told=told,
+            details=details,
         )
 
     @checked

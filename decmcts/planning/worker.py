@@ -22,7 +22,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import IO, Any, TypeVar
 
-Found = TypeVar("Found")
+Returned = TypeVar("Returned")
 _SIZE = 8  # bytes that say how long a message is
 
 
@@ -40,19 +40,19 @@ class Worker:
         if self._process is not None:
             self._process.kill()
 
-    def call(self, function: Callable[..., Found], *given: Any) -> Future[Found]:
+    def call(self, function: Callable[..., Returned], *given: Any) -> Future[Returned]:
         """Have a function of a module called; its result, or its error, is the future's.
 
         Where the process is lost, or cannot be handed this, the call is made in this one.
         """
-        found: Future[Found] = Future()
+        found: Future[Returned] = Future()
         threading.Thread(
             target=self._called, args=(found, function, given), name="worker", daemon=True
         ).start()
         return found
 
     def _called(
-        self, found: Future[Found], function: Callable[..., Found], given: tuple[Any, ...]
+        self, found: Future[Returned], function: Callable[..., Returned], given: tuple[Any, ...]
     ) -> None:
         """Set the result of a call; made here where no answer comes."""
         try:
@@ -102,8 +102,8 @@ def worker(*modules: str) -> Iterator[Worker]:
 
 
 def _made(
-    function: Callable[..., Found], given: tuple[Any, ...]
-) -> tuple[Exception | None, Found | None]:
+    function: Callable[..., Returned], given: tuple[Any, ...]
+) -> tuple[Exception | None, Returned | None]:
     """Make a call; return its error and its result."""
     try:
         return None, function(*given)

@@ -21,12 +21,12 @@ from sim.faults import Fault, FaultKind, listed
 
 IN_ONE_GO_S = 1e-3  # between two ends that are one bead again
 TOLERANCE_S = 2e-3  # of ages and of what is stated
-Stretch = tuple[float, float, float, float]  # from and to which place, and when it is at each
+TimedStretch = tuple[float, float, float, float]  # from and to which place, and when it is at each
 
 
 def welds_of(document: PlanDocument, all_actions: Sequence[HeadActions]) -> dict[int, list[float]]:
     """Return the age of the weld at each cut of each contour that is cut, s; 0: in one go."""
-    stretches: dict[int, list[Stretch]] = defaultdict(list)
+    stretches: dict[int, list[TimedStretch]] = defaultdict(list)
     contours = document.contours
     if contours.of is None:
         return {}
@@ -41,12 +41,12 @@ def welds_of(document: PlanDocument, all_actions: Sequence[HeadActions]) -> dict
     }
 
 
-def _age(a: Stretch, b: Stretch) -> float:
+def _age(a: TimedStretch, b: TimedStretch) -> float:
     age = abs(b[2] - a[3])
     return age if age > IN_ONE_GO_S else 0.0
 
 
-def _stretches(contours: Contours, actions: HeadActions, action: int) -> Iterator[Stretch]:
+def _stretches(contours: Contours, actions: HeadActions, action: int) -> Iterator[TimedStretch]:
     """Yield the stretches that an action prints."""
     piece = int(actions.contour[action])
     first, end = int(contours.offsets[piece]), int(contours.offsets[piece + 1])

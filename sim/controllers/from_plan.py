@@ -20,7 +20,7 @@ from sim.controllers.motion import QUEUE, profile_of
 from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
 
 HAIR_S = 1e-4  # by which an action may be shorter than the plan says
-Signals = dict[Place, int]  # index of the signal of each
+SignalIndex = dict[Place, int]  # index of the signal of each
 
 
 def programs_of_plan(document: PlanDocument, queue: int = QUEUE) -> tuple[HeadProgram, ...]:
@@ -34,7 +34,7 @@ def program_of_head(document: PlanDocument, h: int, queue: int = QUEUE) -> HeadP
     return _program(document, h, _signals(document.plan), queue)
 
 
-def _signals(plan: JointPlan) -> Signals:
+def _signals(plan: JointPlan) -> SignalIndex:
     """Return the index of the signal of each place that another head waits for."""
     found = {
         place for h, head in enumerate(plan.heads) for place in places_of(plan, head)
@@ -43,7 +43,7 @@ def _signals(plan: JointPlan) -> Signals:
     return {place: k for k, place in enumerate(sorted(found))}
 
 
-def _program(document: PlanDocument, h: int, signals: Signals, queue: int) -> HeadProgram:
+def _program(document: PlanDocument, h: int, signals: SignalIndex, queue: int) -> HeadProgram:
     actions, machine = document.plan.heads[h], document.machine
     head = machine.head(actions.head)
     limits = machine.limits_of(head)
@@ -92,7 +92,9 @@ def _limits(limits: MotionLimits, rate: Floats) -> tuple[tuple[MotionLimits, ...
     return tuple(replace(limits, acceleration=float(k)) for k in kinds), row.astype(np.int64)
 
 
-def _stops(document: PlanDocument, h: int, signals: Signals, action: Ints, motion: Floats) -> Stops:
+def _stops(
+    document: PlanDocument, h: int, signals: SignalIndex, action: Ints, motion: Floats
+) -> Stops:
     """Return what stands between the moves of one head."""
     actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
     at_rest = document.machine.release == "action"

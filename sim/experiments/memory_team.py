@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.agreeing.events import Event, HeadFenced, Notice, Release
+from agents.agreeing.events import HeadFenced, Notice, PlanReleased, ProtocolEvent
 from agents.loop.agent import Agent, AgentProgress, Meet
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
@@ -23,10 +23,10 @@ class Recorder:
     """A front end that keeps what it is told; `asked` is what it asks next."""
 
     def __init__(self) -> None:
-        self.asked: list[Event | Meet] = []
+        self.asked: list[ProtocolEvent | Meet] = []
         self.told: list[Notice] = []
 
-    def commands(self) -> list[Event | Meet]:
+    def commands(self) -> list[ProtocolEvent | Meet]:
         """Return what is asked, once."""
         asked, self.asked = self.asked, []
         return asked
@@ -106,6 +106,6 @@ class MemoryTeam:
         for other in self.agents:
             self.fronts[other].asked.append(HeadFenced(head, epoch))
 
-    def releases(self) -> dict[int, Release]:
+    def releases(self) -> dict[int, PlanReleased]:
         """Return what each head has released, of those that have."""
         return {h: a.released for h, a in self.agents.items() if a.released is not None}

@@ -23,7 +23,7 @@ _SETS = re.compile(rb"M(104|140) S(\d++(?:\.\d*+)?)", re.I)
 _IN_START = re.compile(rb"M1(?:0[49]|40|90) [SR](\d++(?:\.\d*+)?)\Z", re.I)
 _BED = (b"M140", b"M190")
 
-Told = dict[str, float]
+StatedDegrees = dict[str, float]
 
 
 def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDocument] | None:
@@ -56,9 +56,9 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
     return replace(job, contours=contours), replace(document, blocks=kept)
 
 
-def _after_start(preamble: bytes) -> Told:
+def _after_start(preamble: bytes) -> StatedDegrees:
     """Return what start code tells the heaters in words that name no tool."""
-    told: Told = {}
+    told: StatedDegrees = {}
     for code in codes_of(preamble):
         if value := _IN_START.match(code):
             told["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])

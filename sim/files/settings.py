@@ -42,7 +42,7 @@ _OF_TOOL = {  # the words that say of which tool
 }  # fmt: skip
 _UNSET = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was set
 
-Settings = dict[str, list[tuple[int, str]]]
+SettingLines = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
 
 
@@ -64,7 +64,7 @@ def check_settings(
         None: no two are.
     """
     ours, theirs = settings_of(text), settings_of(source)
-    books = [_Book.of(name, ours.get(name, []), due) for name, due in theirs.items()]
+    books = [_ComparedSetting.of(name, ours.get(name, []), due) for name, due in theirs.items()]
     if alike is not None:
         source_line = _exchanged(books, line, source_line, alike)
     lines, total = list[str](), 0
@@ -80,7 +80,7 @@ def check_settings(
 
 
 @dataclass(frozen=True, slots=True)
-class _Book:
+class _ComparedSetting:
     """What one setting is in the file and in its source, line by line."""
 
     name: str
@@ -89,10 +89,10 @@ class _Book:
     due: list[tuple[int, str]]
 
     @staticmethod
-    def of(name: str, has: list[tuple[int, str]], due: list[tuple[int, str]]) -> _Book:
+    def of(name: str, has: list[tuple[int, str]], due: list[tuple[int, str]]) -> _ComparedSetting:
         first = (0, _UNSET.get(name, ""))
         values = list(dict.fromkeys(value for _, value in [first, *has, *due]))
-        return _Book(name, values, [first, *has], [first, *due])
+        return _ComparedSetting(name, values, [first, *has], [first, *due])
 
     def differing(self, line: Ints, source_line: Ints) -> tuple[Ints, Ints, Ints]:
         """Return the values at lines of the file and of the source, and where they are at odds."""
@@ -101,7 +101,7 @@ class _Book:
         return a, b, np.flatnonzero((a != b) & ((b > 0) | bool(self.values[0])))
 
 
-def _exchanged(books: list[_Book], line: Ints, source_line: Ints, alike: Ints) -> Ints:
+def _exchanged(books: list[_ComparedSetting], line: Ints, source_line: Ints, alike: Ints) -> Ints:
     """Return the source's lines with beads that are alike exchanged where their settings differ."""
     wrong = np.zeros(len(line), np.bool_)
     for book in books:
@@ -115,9 +115,9 @@ def _exchanged(books: list[_Book], line: Ints, source_line: Ints, alike: Ints) -
     return exchanged
 
 
-def settings_of(text: bytes) -> Settings:
+def settings_of(text: bytes) -> SettingLines:
     """Return what a text sets, and where; linear in its length."""
-    found: Settings = {}
+    found: SettingLines = {}
     tool, kept, tools = "0", "100", set[str]()
     for line, command in commands_of(text):
         if selects := _SELECTS.match(command):

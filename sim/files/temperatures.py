@@ -33,7 +33,7 @@ _QUIET = re.compile(
 )
 _HOMES = re.compile(rb"G0*2[89](?![0-9])", re.I)  # some cool the nozzle, with which they probe
 
-Told = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
+StatedHeats = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
 
 
 def check_temperatures(
@@ -65,7 +65,7 @@ def check_temperatures(
     return listed(FaultKind.STATE, lines, total=len(wrong))
 
 
-def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, Told]]:
+def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:
     """Yield lines, from 1, and what all heaters that count are told behind each."""
     told: dict[str, str] = {}
     tool, others = 0, 0
@@ -103,7 +103,7 @@ def _shown(code: bytes) -> str:
     return f"'{code.decode('utf-8', 'replace')}'"
 
 
-def _differing(ours: Told, theirs: Told) -> str:
+def _differing(ours: StatedHeats, theirs: StatedHeats) -> str:
     """Return the words for the first heater that is told something else."""
     mine, own = dict(ours), dict(theirs)
     heater = next(h for h in sorted({*mine, *own}) if mine.get(h) != own.get(h))

@@ -51,24 +51,24 @@ MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
 UNLOADS_MM = 20.0  # more is no retraction: the filament is out of the hot end
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
-Source = tuple[PrintJob, GcodeDocument]
+SourcePrint = tuple[PrintJob, GcodeDocument]
 
 
 @dataclass(frozen=True, slots=True)
 class _Tool:
-    """What a source tells one tool's hot end, and where it prints; by line, from 1, ascending."""
+    """How hot a source sets one tool, and where that prints; by line, from 1, ascending."""
 
-    told: list[tuple[int, float]]  # line and degrees
+    stated: list[tuple[int, float]]  # line and degrees
     prints: list[int]  # lines of its contours
 
     def degrees(self, line: int) -> float:
-        """Return what it is told above a line; NaN: nothing."""
-        k = bisect_left(self.told, (line, -1.0))
-        return self.told[k - 1][1] if k else np.nan
+        """Return what is stated for it above a line; NaN: nothing."""
+        k = bisect_left(self.stated, (line, -1.0))
+        return self.stated[k - 1][1] if k else np.nan
 
     def stays(self, begin: int, end: int) -> bool:
-        """Tell whether it prints as hot below these lines as above, whatever they tell it."""
-        if bisect_left(self.told, (begin, -1.0)) == bisect_left(self.told, (end + 1, -1.0)):
+        """Tell whether it prints as hot below these lines as above, whatever they state."""
+        if bisect_left(self.stated, (begin, -1.0)) == bisect_left(self.stated, (end + 1, -1.0)):
             return True
         k = bisect_left(self.prints, begin)
         if k == len(self.prints):
@@ -76,7 +76,7 @@ class _Tool:
         return not k or self.degrees(self.prints[k - 1]) == self.degrees(self.prints[k])
 
 
-def without_changes(job: PrintJob, document: GcodeDocument) -> Source | None:
+def without_changes(job: PrintJob, document: GcodeDocument) -> SourcePrint | None:
     """Return a source of several tools as heads with one tool each may print it.
 
     None where all its changes stay. Linear in lines and moves.
@@ -101,7 +101,7 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Source | None:
 def _unwalled(
     job: PrintJob, document: GcodeDocument, gone: list[Block], kept: list[Block],
     since: Mapping[int, FilamentBalance], tools: Mapping[int, _Tool],
-) -> Source:  # fmt: skip
+) -> SourcePrint:  # fmt: skip
     """Return a source without some blocks."""
     was = job.contours.epoch
     behind = dict(zip(np.searchsorted(was, [b.epoch for b in gone]).tolist(), gone, strict=True))
@@ -134,7 +134,7 @@ def _unwalled(
     return job, replace(document, blocks=blocks, own_starts=starts, owed=owed)
 
 
-def as_planned(epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument) -> Source:
+def as_planned(epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument) -> SourcePrint:
     """Return a source as a plan with these epochs takes it: with its changes of tools or without.
 
     Where the plan's epochs are neither it is the source as it stands, from which they then differ.
@@ -159,7 +159,7 @@ def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:
             tool = int(named[1]) if named else selected
             for each in found.values() if every and not named else [found.get(tool)]:
                 if each is not None:
-                    each.told.append((line, _degrees(heat[1])))
+                    each.stated.append((line, _degrees(heat[1])))
     return found
 
 
@@ -230,7 +230,7 @@ def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, fl
     found = dict[int, float]()
     for block in filter(_changes, gone):
         tool = block.begin.tool
-        rows = tools[tool].told if tool in tools else []
+        rows = tools[tool].stated if tool in tools else []
         first, last = (
             bisect_left(rows, (line, -1.0)) for line in (block.line, block.last_line + 1)
         )
@@ -297,12 +297,12 @@ def check_hot_ends(
     tools = _tools_of(source, job, every=heat_due(document, job).one_hot_end)
     words = list[str]()
     for file, laid in heads:
-        told = [
+        stated = [
             (line, _degrees(heat[1]))
             for line, command in commands_of(file.lines.text)
             if (heat := _HEATS.match(command))
         ]
-        has = _Tool(told, [])
+        has = _Tool(stated, [])
         for contour, begin, _ in laid:
             line = int(file.motion.line[begin]) + 1
             due = tools[int(job.contours.tool[contour])].degrees(int(job.contours.line[contour]))

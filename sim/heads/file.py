@@ -33,7 +33,7 @@ _E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
 _E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
 _LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool
 
-Rows = tuple[tuple[int, bytes], ...]  # line, from 1, and command
+NumberedCommands = tuple[tuple[int, bytes], ...]  # line, from 1, and command
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class FileWaits:
     total_ms: list[int]  # (d + 1,) all dwells before each of them, and all of them
 
     @classmethod
-    def of(cls, syncs: Sequence[Sync], others: Rows) -> FileWaits:
+    def of(cls, syncs: Sequence[Sync], others: NumberedCommands) -> FileWaits:
         """Find them; every command is read once."""
         found = ((line, _DWELL.match(code)) for line, code in others)
         dwells = [(line, int(match[1])) for line, match in found if match is not None]
@@ -73,8 +73,8 @@ class HeadFile:
     motion: Motion
     track: Track
     syncs: tuple[Sync, ...]
-    rest: Rows  # all that is no sync point
-    others: Rows  # those of them that are no plain moves
+    rest: NumberedCommands  # all that is no sync point
+    others: NumberedCommands  # those of them that are no plain moves
     rests: FileWaits
 
     def row(self, line: int) -> bytes:
@@ -115,7 +115,9 @@ def _top(text: bytes) -> bytes:
     return b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])
 
 
-def _parted(lines: Lines, reader: Reader) -> tuple[tuple[Sync, ...], Rows, Rows]:
+def _parted(
+    lines: Lines, reader: Reader
+) -> tuple[tuple[Sync, ...], NumberedCommands, NumberedCommands]:
     """Return sync points, all other commands, and those of them that are no plain moves.
 
     An M400 right before a signal at rest belongs to it. A wait has none: nothing behind it is

@@ -67,15 +67,15 @@ def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
     stated = list(_temperatures(document))
     early = [heat for epoch, _, heat in stated if epoch <= first and heat.heats]
     waits = any(heat.waits for heat in early)
-    told: dict[int, int] = {}  # tool -> epoch from which on it is hot
+    hot_since: dict[int, int] = {}  # tool -> epoch from which on it is hot
     for epoch, tool, heat in stated:
         if heat.heats and heat.waits == waits:
-            told[tool] = min(epoch, told.get(tool, epoch))
+            hot_since[tool] = min(epoch, hot_since.get(tool, epoch))
     begins = {
         t: int(job.contours.epoch[job.contours.tool == t].min())
         for t in np.unique(job.contours.tool).tolist()
     }
-    cold = [t for t, epoch in begins.items() if told.get(t, epoch + 1) > epoch]
+    cold = [t for t, epoch in begins.items() if hot_since.get(t, epoch + 1) > epoch]
     ends = [heat for heat in map(heat_of, codes_of(document.postamble)) if heat is not None]
     off = any(not heat.heats and heat.tool is None for heat in ends)
     return Due(len(begins) > 1 and bool(early) and bool(cold), bool(early), waits, off)
@@ -111,9 +111,9 @@ def unheated(
     that are the source's as they stand.
     """
     temperatures = ((line, code) for line, code in others if code[:1] in b"Mm")
-    told = [(line, heat) for line, code in temperatures if (heat := heat_of(code)) is not None]
-    hot = min((line for line, heat in told if heat.heats), default=first)
-    above = [heat for line, heat in told if line < first]
+    stated = [(line, heat) for line, code in temperatures if (heat := heat_of(code)) is not None]
+    hot = min((line for line, heat in stated if heat.heats), default=first)
+    above = [heat for line, heat in stated if line < first]
     cold = min(hot, first) if due.heats else 0
     words = [
         f"line {line}: filament moves, and it was not heated"
@@ -124,8 +124,8 @@ def unheated(
         words.append(f"line {first}: it prints, and was not heated")
     elif due.waits and not any(heat.waits and heat.heats for heat in above):
         words.append(f"line {first}: it prints, and has not waited until it is hot")
-    if due.ends_off and told and told[-1][1].heats:
-        words.append(f"line {told[-1][0]}: it stays hot, the source switches off at its end")
+    if due.ends_off and stated and stated[-1][1].heats:
+        words.append(f"line {stated[-1][0]}: it stays hot, the source switches off at its end")
     return words
 
 

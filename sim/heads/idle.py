@@ -33,7 +33,7 @@ from sim.heads.walk import OWED_MM, Walk
 
 _OWN = IDLE_MARK.encode()  # behind a dwell at standby
 LATE_S = 0.01  # files say milliseconds, each dwell up to one more
-_TOLD = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
+_SETS_HEAT = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
 _STATED = re.compile(rb"M10[49] [SR] ?(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)  # by any source
 _HEATS = re.compile(rb"M0*10[49](?!\d)", re.I)
 # What heats or cools in a way of its own: macros, homing and probing, changes, pauses, and more.
@@ -168,7 +168,7 @@ def check_idle(
     own = [
         (line, code)
         for line, code in file.others
-        if begin < line < end and line not in taken and (code == b"M400" or _TOLD.match(code))
+        if begin < line < end and line not in taken and (code == b"M400" or _SETS_HEAT.match(code))
     ]
     groups, heats = list(_standbys(own)), _Heats.of(file)
     windows = list(zip([begin, *walk.last], walk.ahead(end), strict=True))[:-1]
@@ -202,10 +202,10 @@ def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[StandbyLines]:
     k = 0
     while k < len(own):
         rows = own[k : k + 4]
-        told = [_TOLD.match(code) for _, code in rows[1:]]
-        names = [None if match is None else match[1] for match in told]
+        matches = [_SETS_HEAT.match(code) for _, code in rows[1:]]
+        names = [None if match is None else match[1] for match in matches]
         if rows[0][1] == b"M400" and names == [b"104", b"104", b"109"]:
-            degrees = tuple(float(match[2]) for match in told if match is not None)
+            degrees = tuple(float(match[2]) for match in matches if match is not None)
             yield StandbyLines(tuple(line for line, _ in rows), degrees)
             k += 4
         else:

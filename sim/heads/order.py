@@ -32,7 +32,7 @@ from sim.heads.walk import Walk
 ROUNDING_S = 1e-4
 SPARE, SPARE_S = 0.1, 0.01  # by which a writer may put signals further apart
 LAG_TOLERANCE_S = 1e-3  # files say milliseconds
-Windows = tuple[list[int], list[int]]  # lines between which the sync points of actions stand
+SyncWindow = tuple[list[int], list[int]]  # lines between which the sync points of actions stand
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,11 +172,11 @@ def _reached(walk: Walk, edge: After) -> int:
 def _dwelt(rests: FileWaits, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
     """Return the seconds head h dwells between knowing that g has `reached` a line and `first`.
 
-    What a head knows never grows less, so the wait that tells it is found by bisection.
+    What a head knows never grows less, so the wait behind which it knows is found by bisection.
     """
-    told = bisect_right(rests.waits, reached, key=lambda at: known.done(h, at + 1, g))
-    heard = rests.waits[told] if told < len(rests.waits) else first
-    return rests.between_s(heard, first)
+    row = bisect_right(rests.waits, reached, key=lambda at: known.done(h, at + 1, g))
+    wait = rests.waits[row] if row < len(rests.waits) else first
+    return rests.between_s(wait, first)
 
 
 def _unrested(
@@ -219,7 +219,7 @@ def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
 
 def _unplanned(
     files: Sequence[HeadFile], plan: JointPlan, parts: list[FileParts], walks: list[Walk], h: int,
-    given: Mapping[int, tuple[int, Sync]], windows: list[Windows], firsts: list[int],
+    given: Mapping[int, tuple[int, Sync]], windows: list[SyncWindow], firsts: list[int],
     intervals: Intervals,
 ) -> list[str]:  # fmt: skip
     """Return the waits of one head's body that stand for no edge of the plan.
@@ -236,12 +236,12 @@ def _unplanned(
         other_low, other_high = windows[g]
         actions = range(bisect_right(high, sync.line), bisect_left(low, sync.line))
         ended = range(bisect_right(other_high, line) - 1, bisect_left(other_low, line) - 1)
-        told = {(a, ACTION_END) for a in ended}
-        told |= _passed(walks[g], line) if signal.moving else set()
+        signalled = {(a, ACTION_END) for a in ended}
+        signalled |= _passed(walks[g], line) if signal.moving else set()
         edges = [e for k in actions for e in plan.heads[h].after_edges(k) if e.head == g]
         meant = {(e.action, ACTION_END if _is_end(plan, e) else e.point) for e in edges}
-        if (signal.moving or line >= firsts[g]) and not told & meant:
-            acts = {action for action, _ in told}
+        if (signal.moving or line >= firsts[g]) and not signalled & meant:
+            acts = {action for action, _ in signalled}
             places = [_reached(walks[g], edge) for edge in edges if edge.action in acts]
             if any(intervals.excuse(g, place, line) for place in places):
                 continue

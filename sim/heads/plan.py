@@ -280,7 +280,7 @@ def _head_actions(
 
 def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]]:
     """Return for each action of a head how far it knows the others to be, where that is news."""
-    told = [(0, 0)] * len(acts)  # per head: actions ended, and points of the next one passed
+    known_of = [(0, 0)] * len(acts)  # per head: actions ended, and points of the next one passed
     ended = [np.array([act.last for act in other], np.int64) for other in acts]
     after: list[list[After]] = []
     for act in acts[h]:
@@ -289,13 +289,13 @@ def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]
             line = known.done(h, act.first, g)
             count = int(np.searchsorted(ended[g], line))
             point = bisect_left(acts[g][count].lines, line) if count < len(acts[g]) else 0
-            if g == h or (count, point) <= told[g]:
+            if g == h or (count, point) <= known_of[g]:
                 continue
-            if count > told[g][0]:
+            if count > known_of[g][0]:
                 edges.append(After(g, count - 1))
             if point:
                 edges.append(After(g, count, point))
-            told[g] = (count, point)
+            known_of[g] = (count, point)
         after.append(edges)
     return after
 

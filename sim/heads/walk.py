@@ -55,7 +55,7 @@ class Walk:
 
 
 @dataclass(frozen=True, slots=True)
-class _Moves:
+class _PlainMoves:
     """The moves of a file as plain numbers, for what is asked of one move at a time."""
 
     x: list[float]  # (m,) where each ends
@@ -68,7 +68,7 @@ class _Moves:
     state: list[int]  # (m,) row of the states in force
 
     @classmethod
-    def of(cls, file: HeadFile) -> _Moves:
+    def of(cls, file: HeadFile) -> _PlainMoves:
         """Return the moves of a file."""
         motion = file.motion
         x, y, z = motion.points.T.copy()
@@ -94,7 +94,7 @@ class Walker:
         self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
-        self._moves = _Moves.of(file)
+        self._moves = _PlainMoves.of(file)
         self._line, self._stays = self._moves.line, self._moves.stays
         self._trusts = True  # that beads are as they should be: they are looked at later
         self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()

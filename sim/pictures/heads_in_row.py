@@ -21,7 +21,7 @@ Point = Floats  # (2,)
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class HeadsInRow:
     """Heads in a row, from the lowest coordinate up."""
 
     axis: int  # 0: along X, 1: along Y
@@ -32,7 +32,7 @@ class Row:
     by_rail: tuple[bool, ...]  # whether a rail keeps these neighbours further apart
 
 
-def row_of(machine: Machine, axis: int) -> Row | None:
+def row_of(machine: Machine, axis: int) -> HeadsInRow | None:
     """Return the heads in a row along an axis; None where they cannot all stand so on the bed."""
     if len(machine.heads) < 2 or any(rail.axis != axis for rail in machine.rails):
         return None
@@ -52,7 +52,7 @@ def row_of(machine: Machine, axis: int) -> Row | None:
     pairs = [shapes_of(parts[k], parts[k + 1]) for k in range(len(order) - 1)]
     found = [gap_between(pair, nozzles[k], nozzles[k + 1]) for k, pair in enumerate(pairs)]
     gaps, ends = tuple(gap for gap, _ in found), tuple(end for _, end in found)
-    return Row(axis, tuple(order), nozzles, gaps, ends, tuple(by_rail))
+    return HeadsInRow(axis, tuple(order), nozzles, gaps, ends, tuple(by_rail))
 
 
 def _order(machine: Machine, axis: int) -> list[int]:

@@ -10,14 +10,14 @@ from matplotlib.patches import Polygon, Rectangle
 
 from decmcts.print.machine import Head, Machine
 from sim.pictures.canvas import head_colour
-from sim.pictures.heads_in_row import Row
+from sim.pictures.heads_in_row import HeadsInRow
 from sim.replay.shapes import parts_of
 
 AROUND_MM = 70.0  # around the outermost nozzles; what is further off is cut at the frame
 ABOVE_MM = 130.0  # the same for heights
 
 
-def draw_row_above(axis: Any, machine: Machine, row: Row) -> None:
+def draw_row_above(axis: Any, machine: Machine, row: HeadsInRow) -> None:
     """Draw all parts of the heads from above, with the gaps between neighbours."""
     low, high = np.array(machine.bed_min, float), np.array(machine.bed_max, float)
     axis.add_patch(Rectangle(tuple(low), *(high - low), fc="#f4f4f4", ec="black", lw=0.8))
@@ -55,7 +55,7 @@ def _name(axis: Any, at: Any, head: Head) -> None:
                   ha="center", fontsize=8, bbox=BOX)  # fmt: skip
 
 
-def _frame(axis: Any, row: Row, across: Any, up: Any) -> None:
+def _frame(axis: Any, row: HeadsInRow, across: Any, up: Any) -> None:
     """Show what is within `AROUND_MM` of the nozzles, as wide as it is high."""
     middle = np.array([across.min() + across.max(), up.min() + up.max()]) / 2.0
     half = max(np.ptp(across), np.ptp(up)) / 2.0 + AROUND_MM
@@ -64,7 +64,7 @@ def _frame(axis: Any, row: Row, across: Any, up: Any) -> None:
     axis.set_aspect("equal")
 
 
-def draw_row_beside(axis: Any, machine: Machine, row: Row) -> None:
+def draw_row_beside(axis: Any, machine: Machine, row: HeadsInRow) -> None:
     """Draw all parts of the heads from the side on which the row is seen, tips at one height."""
     d = row.axis
     for h, nozzle in zip(row.order, row.nozzles, strict=True):
@@ -93,7 +93,7 @@ def draw_row_beside(axis: Any, machine: Machine, row: Row) -> None:
     axis.set_ylabel("z from the tips, mm")
 
 
-def write_row(axis: Any, machine: Machine, row: Row) -> None:
+def write_row(axis: Any, machine: Machine, row: HeadsInRow) -> None:
     """Write the distances between neighbours, and what asks for them."""
     axis.set_axis_off()
     lines = [f"The machine asks for {machine.head_clearance_mm:g} mm between the bodies."]

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.arrays import Floats
 
-Place = tuple[float, float, float, float]  # left, bottom, width, height in parts of the figure
+FigureBox = tuple[float, float, float, float]  # left, bottom, width, height in parts of the figure
 
 VIEW_IN = 4.6  # of a view: the longer side, inches
 SHAPES = 0.5, 1.35  # of a view: least and largest height over width
@@ -26,10 +26,10 @@ class Sheet:
 
     size: tuple[float, float]  # inches
     extent: Floats  # (2, 3) mm: the box that views show
-    views: tuple[Place, ...]
-    chart: Place
-    side: Place
-    times: Place
+    views: tuple[FigureBox, ...]
+    chart: FigureBox
+    side: FigureBox
+    times: FigureBox
     legend: float  # its top, in parts of the height
 
     @property
@@ -62,7 +62,7 @@ def sheet_of(extent: Floats, heads: int) -> Sheet:
     height = HEAD + TITLE + h + UNDER + below + 0.1
     size = (width, height)
 
-    def place(x: float, y: float, wide: float, high: float) -> Place:
+    def place(x: float, y: float, wide: float, high: float) -> FigureBox:
         return x / width, y / height, wide / width, high / height
 
     foot = 0.1 + below + UNDER

@@ -49,7 +49,7 @@ Allowed = Callable[[Ints, Ints, Floats], Flags]
 """Tells of moves, beads, and how far each bead stands above the tip, which may meet."""
 
 
-Ends = Callable[[Ints, Floats], Flags]
+SettlesQuestion = Callable[[Ints, Floats], Flags]
 """Tells which contacts, as pairs of owners (k, 2) and depths (k,), settle a question."""
 
 
@@ -66,7 +66,7 @@ def deepest_contacts(
     head: Head,
     *,
     margins: tuple[float, float],
-    ends_at: Ends | None = None,
+    ends_at: SettlesQuestion | None = None,
     capacity: NearMissCapacity = CAPACITY,
 ) -> tuple[Ints, Floats]:
     """Return which owners of moves meet which beads' owners, and how deep.
@@ -124,7 +124,7 @@ def _near(
 
 def _deepest(
     search: ContactSearch, owner: Ints, order: Ints,
-    found: Ints, only: Ends | None = None,
+    found: Ints, only: SettlesQuestion | None = None,
 ) -> tuple[Ints, Floats]:  # fmt: skip
     """Return the pairs of owners that meet, and how deep, of candidates; `only` some of them."""
     moves, beads = search.moves, search.beads

@@ -71,7 +71,7 @@ class NearPrint:
         bead = f"{called} {label[self.bead]}"
         return Gap(self.gap_mm, required, (name,), (f"{does} ({self.part})", bead))
 
-    def take(self, asked: Asked, parts: list[Part]) -> None:
+    def take(self, asked: GapQuestion, parts: list[Part]) -> None:
         """Take over what was found."""
         best, who = asked[:2]
         if who[0] >= 0:
@@ -79,14 +79,14 @@ class NearPrint:
             self.part = parts[int(who[2])].name
 
 
-Asked = tuple[Floats, Ints, Any, Any, Any, Any, Any]
+GapQuestion = tuple[Floats, Ints, Any, Any, Any, Any, Any]
 """What `sim.replay.gaps.come_nearer` takes."""
 
 
 def asked_of(
     near: NearPrint | None, beads: Beads, rows: Ints, parts: list[Part], packed: Any,
     margins: tuple[float, float],
-) -> Asked:  # fmt: skip
+) -> GapQuestion:  # fmt: skip
     """Return the question for the least gap as kernels take it; None: it is not asked.
 
     `rows` has the bead of each candidate, `packed` the parts as the grid takes them.

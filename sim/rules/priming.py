@@ -30,7 +30,7 @@ TOUCHING_MM = 0.04  # beads nearer than this touch
 
 
 @dataclass(slots=True)
-class _Start:
+class _ToolInEpoch:
     """What one tool prints in one epoch; filled while the contours go by."""
 
     forced: int  # contours before this one prime the nozzle whatever their role
@@ -50,7 +50,7 @@ def starts_of(contours: Contours, refills: tuple[int, ...] = ()) -> list[tuple[I
     role, tool = contours.role.tolist(), contours.tool.tolist()
     epoch = contours.epoch.tolist()
     named = {t for t, r in zip(tool, role, strict=True) if r and r not in PRIMING}
-    starts: dict[tuple[int, int], _Start] = {}
+    starts: dict[tuple[int, int], _ToolInEpoch] = {}
     used: set[int] = set()
     for i, (e, t, r) in enumerate(zip(epoch, tool, role, strict=True)):
         if (e, t) not in starts:
@@ -58,7 +58,7 @@ def starts_of(contours: Contours, refills: tuple[int, ...] = ()) -> list[tuple[I
             count = int(e in refills or (i > 0 and tool[i - 1] != t))
             if opens and t not in named:
                 count = max(1, _untouched(contours, i))
-            starts[e, t] = _Start(i + count, opens and t in named)
+            starts[e, t] = _ToolInEpoch(i + count, opens and t in named)
             used.add(t)
         starts[e, t].take(i, r)
     return [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.agreeing.agreement import STALLED_TICKS
-from agents.agreeing.events import HeadFenced, LogNote, Phase, Refused, Release, Unfenced
+from agents.agreeing.events import HeadFenced, LogNote, Phase, PlanReleased, Refused, Unfenced
 from agents.loop.agent import TICK_S
 from agents.messages.codec import encode, kind_of
 from agents.messages.kinds import (
@@ -29,7 +29,7 @@ STORM = Weather(loss=0.3, delay_s=(0.0, 0.4), duplicate=0.3)
 JOBS = 40
 
 
-def the_release(team: Team) -> Release:
+def the_release(team: Team) -> PlanReleased:
     releases = team.releases()
     assert sorted(releases) == sorted(team.agents)
     assert len({release.digest for release in releases.values()}) == 1

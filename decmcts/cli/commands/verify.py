@@ -15,7 +15,7 @@ from decmcts.planning.verifying.held import Held
 from sim.faults import Verdict
 from sim.verdict_lines import checked_lines, nearest_facts
 
-Result = Annotated[
+ResultArgument = Annotated[
     list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
 ]
 SourceOption = Annotated[
@@ -55,7 +55,7 @@ VerboseOption = Annotated[
 
 @app.command()
 def verify(
-    result: Result,
+    result: ResultArgument,
     source: SourceOption = None,
     plan: MadeFromOption = None,
     machine: opt.MachineOption = None,

@@ -204,17 +204,17 @@ def idle_from(given: Fields) -> Idle:
         return usual
     table = given.table("idle")
     table.only(*(field.name for field in fields(Idle)))
-    standby_c = _said(table, "standby_c", HOTTEST_C)
+    standby_c = _stated_size(table, "standby_c", HOTTEST_C)
     return Idle(
         after_s=table.number("after_s", usual.after_s, least=_LEAST_S),
         standby_c=None if standby_c is None else round(standby_c, 1),  # as files state it
         heat_c_s=table.number("heat_c_s", usual.heat_c_s, least=_LEAST_C_S, most=FASTEST_C_S),
-        retract_mm=_said(table, "retract_mm", MOST_MM),
-        prime_mm=_said(table, "prime_mm", MOST_MM),
+        retract_mm=_stated_size(table, "retract_mm", MOST_MM),
+        prime_mm=_stated_size(table, "prime_mm", MOST_MM),
     )
 
 
-def _said(table: Fields, key: str, most: float) -> float | None:
+def _stated_size(table: Fields, key: str, most: float) -> float | None:
     return table.number(key, least=0.0, most=most) if key in table.values else None
 
 

@@ -73,10 +73,10 @@ def machine_of_text(
             advice="add --machine NAME (`decmcts machines` lists them; `paper` is the box of the "
             f"literature), a profile of your slicer, or measure your head: {PAGE}",
         )
-    return clearance_machine(found, source="clearances in the G-code"), said_of(found)
+    return clearance_machine(found, source="clearances in the G-code"), clearance_note(found)
 
 
-def said_of(found: Clearances) -> str:
+def clearance_note(found: Clearances) -> str:
     """Return one line on a head made of clearances."""
     doubt = (
         "; radius and height are the slicer's defaults, so compare them with your printer"

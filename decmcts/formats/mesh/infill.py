@@ -95,7 +95,7 @@ class InfillConnection:
 
 
 @dataclass(frozen=True, slots=True)
-class _Gap:
+class _BorderStretch:
     """A stretch of border between two neighbouring ends."""
 
     length: float
@@ -142,7 +142,7 @@ def _rings(region: BaseGeometry) -> list[BaseGeometry]:
     return list(chain.from_iterable([p.exterior, *p.interiors] for p in polygons))
 
 
-def _gaps(points: NDArray[np.float64], rings: list[BaseGeometry]) -> list[_Gap]:
+def _gaps(points: NDArray[np.float64], rings: list[BaseGeometry]) -> list[_BorderStretch]:
     """Return the stretches between successive ends on each ring."""
     geometry = shapely.points(points)
     nearest = shapely.STRtree(rings).nearest(geometry)
@@ -155,7 +155,7 @@ def _gaps(points: NDArray[np.float64], rings: list[BaseGeometry]) -> list[_Gap]:
         ahead = np.append(place[1:], place[0] + rings[ring].length)
         following = np.roll(here, -1)
         rows = zip(here.tolist(), following.tolist(), place.tolist(), ahead.tolist(), strict=True)
-        gaps += [_Gap(e - b, ring, first, last, b, e) for first, last, b, e in rows]
+        gaps += [_BorderStretch(e - b, ring, first, last, b, e) for first, last, b, e in rows]
     return gaps
 
 

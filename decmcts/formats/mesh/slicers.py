@@ -218,10 +218,10 @@ def _orca(request: Request) -> SlicerCommand:
         )
     files = []
     for kind, profile in profiles.items():
-        said = {
+        chosen = {
             k: v for k, v, name in _orca_options(kind, request.options) if name in request.given
         }
-        files.append((request.folder / f"{kind}.json", json.dumps({**profile, **said})))
+        files.append((request.folder / f"{kind}.json", json.dumps({**profile, **chosen})))
     words = [str(request.program), "--slice", "0", "--arrange", "1", "--ensure-on-bed"]
     loaded = ";".join(str(request.folder / f"{kind}.json") for kind in ("machine", "process"))
     words += ["--load-settings", loaded]

@@ -17,7 +17,7 @@ from decmcts.jit.store import cache_home, remove_unused
 from decmcts.planning.compiling.parts import FOLDERS, how_far, is_compiled, kernels_made
 from decmcts.planning.events import Event, Note, Report, Step
 
-Start = Callable[[Sequence[str]], "subprocess.Popen[bytes]"]
+StartChild = Callable[[Sequence[str]], "subprocess.Popen[bytes]"]
 """Starts a process that compiles these parts."""
 
 POLL_S = 0.1
@@ -42,7 +42,7 @@ def start_compiling(parts: Sequence[str]) -> subprocess.Popen[bytes]:
 
 @contextmanager
 def compiling_beside(
-    parts: Sequence[str], report: Report, *, start: Start = start_compiling
+    parts: Sequence[str], report: Report, *, start: StartChild = start_compiling
 ) -> Iterator[None]:
     """Compile parts in a process beside the body of a `with`, if any is missing.
 
@@ -59,7 +59,7 @@ def compiling_beside(
             _end_child()
 
 
-def _compile_beside(parts: Sequence[str], report: Report, start: Start) -> None:
+def _compile_beside(parts: Sequence[str], report: Report, start: StartChild) -> None:
     missing = [part for part in parts if not is_compiled(part)]
     if all(map(compiled_beside, missing)):
         return

@@ -31,7 +31,7 @@ PROBE = 0.1  # share of the search time, for a first search that ignores cooling
 CLOSE = 1e-3  # share of the print time by which the clock of a search may be wrong
 LITTLE = 1e-3  # share of the print time; shorter waits cost less than keeping lags would
 
-Run = Callable[[TimedLags | None, Stopping], SearchResult]
+RunSearch = Callable[[TimedLags | None, Stopping], SearchResult]
 """Searches with these lags, or ignoring cooling, until it is to end."""
 
 
@@ -83,7 +83,7 @@ class OrderSearch:
             source_toolpath(self.problem), stopping=stopping, report=self.report,
         )  # fmt: skip
 
-    def _run(self, chosen: str | Planner) -> Run:
+    def _run(self, chosen: str | Planner) -> RunSearch:
         """Return the search as a function of the timed lags it keeps and of what ends it."""
 
         def run(kept: TimedLags | None, stopping: Stopping) -> SearchResult:
@@ -101,7 +101,7 @@ def search_cooled(
     graph: DependencyGraph,
     lags: Lags,
     timed_lags: TimedLags | None,
-    search: Run,
+    search: RunSearch,
     sliced: Toolpath,
     *,
     stopping: Stopping,

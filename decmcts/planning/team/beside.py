@@ -15,23 +15,23 @@ from typing import Any, TypeVar
 from decmcts.jit.kernel import made_by
 
 YIELDING = 10  # niceness of work that is to take only what agents leave
-Found = TypeVar("Found")
+Returned = TypeVar("Returned")
 
 
-def begun(work: Callable[[], Found], *, yielding: bool = False) -> Future[Found]:
+def begun(work: Callable[[], Returned], *, yielding: bool = False) -> Future[Returned]:
     """Begin work in a thread that no exit waits for; kernels and solver run without the lock.
 
     A `yielding` thread lets all others go first, agents too, on systems where threads have a
     priority of their own. Its kernels are loaded and compiled at the usual priority: others
     wait for the compiler meanwhile.
     """
-    found: Future[Found] = Future()
+    found: Future[Returned] = Future()
     target = partial(_yielding, work, found) if yielding else partial(_done, work, found)
     threading.Thread(target=target, name="beside", daemon=True).start()
     return found
 
 
-def _done(work: Callable[[], Found], found: Future[Found]) -> None:
+def _done(work: Callable[[], Returned], found: Future[Returned]) -> None:
     """Do work and set its result."""
     try:
         found.set_result(work())
@@ -39,7 +39,7 @@ def _done(work: Callable[[], Found], found: Future[Found]) -> None:
         found.set_exception(error)
 
 
-def _yielding(work: Callable[[], Found], found: Future[Found]) -> None:
+def _yielding(work: Callable[[], Returned], found: Future[Returned]) -> None:
     """Have work done in a thread of low priority, and make its kernels in this one."""
     asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
 

@@ -32,7 +32,7 @@ from sim.verify import verify_plan
 BESIDE_FROM = 5_000
 """Contours; fewer are judged sooner than another process has loaded."""
 
-Work = Callable[..., Any]
+Check = Callable[..., Any]
 """A piece of work; takes a keyword `report`."""
 
 FILES = Path("the G-code of all heads")  # as messages call it
@@ -87,7 +87,7 @@ def _verified(after: PlanDocument, job: PrintJob, *, report: Report) -> Verdict:
 
 
 def shared_out(
-    works: Sequence[tuple[str, Work]], beside: Worker | None, report: Report
+    works: Sequence[tuple[str, Check]], beside: Worker | None, report: Report
 ) -> list[Any]:  # fmt: skip
     """Do named pieces of work, `beside` from the first on and here from the last; return all.
 

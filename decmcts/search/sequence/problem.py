@@ -32,7 +32,7 @@ from decmcts.search.sequence.metric_kernels import (
 from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.search.sequence.tour_kernels import longest_hop
 
-Freedom = Literal["fixed", "reversible", "seam"]
+FreedomWord = Literal["fixed", "reversible", "seam"]
 
 
 _NO_RAMP = 1e15  # mm/s²: a travel of 1 mm/s takes what it is long, to 1e-15 s
@@ -167,7 +167,7 @@ class OrderProblem:
     def from_job(
         job: PrintJob,
         graph: DependencyGraph,
-        freedom: Freedom,
+        freedom: FreedomWord,
         seam: SeamPolicy = "nearest",
     ) -> OrderProblem:
         """Take the endpoints and freedoms of a job.
@@ -188,8 +188,8 @@ class OrderProblem:
             If `freedom` is unknown or the graph is of another print.
         """
         contours = job.contours
-        if freedom not in get_args(Freedom):
-            raise ValueError(f"freedom is {freedom!r}, expected one of {get_args(Freedom)}")
+        if freedom not in get_args(FreedomWord):
+            raise ValueError(f"freedom is {freedom!r}, expected one of {get_args(FreedomWord)}")
         if graph.n != len(contours):
             raise ValueError(f"the graph has {graph.n} contours, the job {len(contours)}")
         reversible = contours.reversible & ~contours.closed & (freedom != "fixed")

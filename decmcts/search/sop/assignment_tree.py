@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import connected_components
 from decmcts.search.sop.assignment import patch_cycles
 from decmcts.search.sop.precedence import Precedence
 
-Step = tuple[int, int]
+NodePair = tuple[int, int]
 _MOST_OPEN = 200_000  # branches kept; beyond, the tree gives up
 
 
@@ -37,8 +37,8 @@ class Branch:
     depth: int  # negative: of equal bounds the deepest first
     number: int
     following: NDArray[np.int64] = field(compare=False)  # (n,) their cheapest assignment
-    kept: tuple[Step, ...] = field(compare=False)
-    forbidden: tuple[Step, ...] = field(compare=False)
+    kept: tuple[NodePair, ...] = field(compare=False)
+    forbidden: tuple[NodePair, ...] = field(compare=False)
 
 
 @dataclass(slots=True)
@@ -75,7 +75,9 @@ class AssignmentTree:
             self._add(branch.kept + tuple(free[:k]), (*branch.forbidden, step), below)
         return order
 
-    def _add(self, kept: tuple[Step, ...], forbidden: tuple[Step, ...], below: float) -> None:
+    def _add(
+        self, kept: tuple[NodePair, ...], forbidden: tuple[NodePair, ...], below: float
+    ) -> None:
         """Add a branch unless its bound is too high or it has no assignment."""
         table = self.table[:-1, 1:].copy()
         for a, b in kept:
@@ -96,7 +98,7 @@ class AssignmentTree:
             branch = Branch(bound, -len(forbidden), self.made, following, kept, forbidden)
             heapq.heappush(self.open, branch)
 
-    def _clash(self, branch: Branch) -> list[Step]:
+    def _clash(self, branch: Branch) -> list[NodePair]:
         """Return steps of the assignment that no sequence has together, as few free as possible."""
         after, n = branch.following, len(branch.following)
         links = csr_array((np.ones(n), (np.arange(n), after)), shape=(n, n))

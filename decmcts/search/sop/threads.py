@@ -197,7 +197,7 @@ class TwoThreads:
 
     def run(self) -> float:
         """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
-        incumbent, pace = self.incumbent, _Pace.of(self.incumbent)
+        incumbent, pace = self.incumbent, _SliceSizes.of(self.incumbent)
         changes, bound = list(_CHANGES), self.assignment.bound
         threads = self._first_threads()
         with ThreadPoolExecutor(len(threads)) as pool:
@@ -332,17 +332,17 @@ class TwoThreads:
 
 
 @dataclass(slots=True)
-class _Pace:
+class _SliceSizes:
     """How large the slices are: about equally long, or a set share of the iterations."""
 
     quotas: list[int]
     timed: bool
 
     @staticmethod
-    def of(incumbent: Incumbent) -> _Pace:
+    def of(incumbent: Incumbent) -> _SliceSizes:
         limit = incumbent.stopping.iterations
         share = 20_000 if limit is None else max(limit // (2 * _SLICES), 1)
-        return _Pace([min(share, _LARGEST_SLICE)] * 2, limit is None)
+        return _SliceSizes([min(share, _LARGEST_SLICE)] * 2, limit is None)
 
     def slice(
         self, pool: ThreadPoolExecutor, threads: list[SopThread], incumbent: Incumbent

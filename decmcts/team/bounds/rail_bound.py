@@ -61,7 +61,7 @@ def rail_bound(held: RailUse, *, separation_mm: float, heads: int) -> float:
     return float(cheapest.sum()) / _dearest(places, price, heads, apart)
 
 
-class _Places(NamedTuple):
+class _RailCells(NamedTuple):
     """Cells that pieces hold, first and last, and those of their whole contours; each (k,)."""
 
     low: Ints
@@ -74,7 +74,7 @@ class _Places(NamedTuple):
         return int(max(self.low.max(), self.whole_high.max() + apart)) + 1
 
 
-def _places(held: RailUse, separation_mm: float) -> tuple[_Places, Ints, int]:
+def _places(held: RailUse, separation_mm: float) -> tuple[_RailCells, Ints, int]:
     """Return the different places, the place of each piece, and the separation in cells."""
     travels = np.zeros(len(held.choice), np.bool_) if held.travels is None else held.travels
     edges = _edges(held, travels)
@@ -87,7 +87,7 @@ def _places(held: RailUse, separation_mm: float) -> tuple[_Places, Ints, int]:
         cells = np.stack([first, last], axis=2).reshape(-1, 4).astype(np.int64)
         places, place = np.unique(cells, axis=0, return_inverse=True)
         if len(places) <= MOST_PLACES:
-            return _Places(*places.T), place.reshape(-1), int(separation_mm / cell)
+            return _RailCells(*places.T), place.reshape(-1), int(separation_mm / cell)
         if travels.any() and coarse < COARSEST:
             coarse *= 2
         else:
@@ -134,7 +134,7 @@ def _worth(held: RailUse, place: Ints, places: int) -> _Worth:
     return _Worth(matrix, contour, np.flatnonzero(np.diff(contour, prepend=contour[0] - 1)))
 
 
-def _prices(places: _Places, worth: _Worth, heads: int, apart: int) -> Floats:
+def _prices(places: _RailCells, worth: _Worth, heads: int, apart: int) -> Floats:
     """Return the prices of most worth, (k,).
 
     Variables are the prices, the worth of each contour, a fee for each head, and the dearest
@@ -176,7 +176,7 @@ def _rows(n: int, *parts: tuple[Ints, float]) -> sparse.csr_matrix:
     return sparse.csr_matrix((value, (row, column)), shape=(count, n))
 
 
-def _dearest(places: _Places, price: Floats, heads: int, apart: int) -> float:
+def _dearest(places: _RailCells, price: Floats, heads: int, apart: int) -> float:
     """Return what can be printed at one moment costs at most."""
     width = places.width(apart)
     whole, rest = np.zeros(width), np.zeros(width)  # of the heads so far, left of each cell

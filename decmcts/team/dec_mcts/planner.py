@@ -46,7 +46,7 @@ from decmcts.team.engine.plans import (
 )
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import fleet_for, is_allowed, resolve
-from decmcts.team.engine.values import EACH, BestJointPlan, JointValues, Plan, Team
+from decmcts.team.engine.values import EACH, BestJointPlan, JointValues, Plan, TeamHeads
 
 __all__ = ["BestJointPlan", "DecMcts", "Parameters", "PlanDistribution"]
 
@@ -67,7 +67,7 @@ NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the oth
 class _Polishing(NamedTuple):
     """A joint order being polished."""
 
-    team: Team
+    team: TeamHeads
     polish: Polish
     start_s: float  # makespan of the best plans of macro-actions when it began
     gained_s: float = 0.0  # by which the order it began with was shorter than those
@@ -92,7 +92,7 @@ class DecMcts:
         self._rng = np.random.default_rng([seed, head])
         self._others: dict[int, PlanDistribution] = {}
         self._values = JointValues(problem)
-        self._trials: dict[Team, PolicyTrials] = {}
+        self._trials: dict[TeamHeads, PolicyTrials] = {}
         self._polishing: _Polishing | None = None
         self._polishings = self._alone = 0  # joint orders polished, rounds without another head
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
@@ -180,7 +180,7 @@ class DecMcts:
         self._search(team, self._share())
         self._refine(team, recreate=spent < self.parameters.recreate)
 
-    def _try_policies(self, team: Team) -> bool:
+    def _try_policies(self, team: TeamHeads) -> bool:
         """Try some policies for all heads at once; False when this head has tried all its own."""
         if team not in self._trials:
             eligible = fleet_for(self.problem, team)[1]
@@ -205,7 +205,7 @@ class DecMcts:
             self._begin_tree(team)
         return True
 
-    def _begin_tree(self, team: Team) -> None:
+    def _begin_tree(self, team: TeamHeads) -> None:
         """Have a tree and X̂ of the best that was tried: an order to begin with, or policies."""
         trials = self._trials[team]
         best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
@@ -215,7 +215,7 @@ class DecMcts:
             self._tree = self._new_tree(best[0])
         self._own.renew(self._with_start(best, team))
 
-    def _policies_s(self, team: Team) -> float:
+    def _policies_s(self, team: TeamHeads) -> float:
         """Return the makespan of the best policy tried."""
         return min(self._trials[team].makespans.values())
 
@@ -223,7 +223,7 @@ class DecMcts:
         """Return the plan to do as in the order that heads begin with."""
         return encode_changes(Changes(*np.zeros((3, 0), np.int64)), self.problem.n_macros)
 
-    def _start_s(self, team: Team) -> float:
+    def _start_s(self, team: TeamHeads) -> float:
         """Return the makespan of the order to begin with; infinite if these heads have none."""
         eligible = fleet_for(self.problem, team)[1]
         start = self.problem.start
@@ -231,7 +231,7 @@ class DecMcts:
             return np.inf
         return self._values.makespan(dict.fromkeys(team, self._as_begun()), team)
 
-    def _search(self, team: Team, work: int) -> None:
+    def _search(self, team: TeamHeads, work: int) -> None:
         """Grow the tree and move q by steps that place so many contours; what is left is kept."""
         self._credit += work
         order = len(self.problem.macro) + EACH
@@ -251,7 +251,7 @@ class DecMcts:
         share, windows = self.parameters.share, self.parameters.windows
         return int(share / (1.0 - share) * windows * WINDOW)
 
-    def _sample(self, team: Team) -> None:
+    def _sample(self, team: TeamHeads) -> None:
         """Grow the tree by one plan judged beside plans the others may follow."""
         others = self._draw(team)
         node = self._tree.descend()
@@ -261,7 +261,7 @@ class DecMcts:
         child = self._tree.expand(node, plan)
         self._tree.backup(child, self._reward({**others, self.head: plan}, team))
 
-    def _combine(self, team: Team) -> None:
+    def _combine(self, team: TeamHeads) -> None:
         """Try one joint plan; where it is the best of macro-actions it is added to the tree.
 
         In turn one plan of each head's X̂ together, and one exchange on the best joint plan;
@@ -277,11 +277,11 @@ class DecMcts:
             child = self._tree.expand(ROOT, plans[self.head])
             self._tree.backup(child, self._reward(plans, team))
 
-    def _combination(self, team: Team) -> dict[int, Plan]:
+    def _combination(self, team: TeamHeads) -> dict[int, Plan]:
         """Draw one plan of each head's X̂."""
         return {**self._draw(team), self.head: self._own.distribution.sample(self._rng)}
 
-    def _child_plan(self, node: int, team: Team) -> Plan:
+    def _child_plan(self, node: int, team: TeamHeads) -> Plan:
         """Return the plan of the next child: the best policies at the root, then exchanges."""
         children = self._tree.children(node)
         best = self._trials[team].best(ROOT_POLICIES)
@@ -293,14 +293,14 @@ class DecMcts:
     def _exchange(self, plan: Plan) -> Plan:
         return exchange(self.problem, self.head, plan, self._rng)
 
-    def _reward(self, plans: Mapping[int, Plan], team: Team) -> float:
+    def _reward(self, plans: Mapping[int, Plan], team: TeamHeads) -> float:
         """Return the utility from 0, the median of all seen or worse, to 1, the best."""
         utility = self._values.utility(self.head, plans, team)
         self._utilities.append(utility)
         low, high = float(np.median(self._utilities)), max(self._utilities)
         return max(0.0, utility - low) / (high - low) if high > low else 0.5
 
-    def _update(self, team: Team) -> None:
+    def _update(self, team: TeamHeads) -> None:
         """Sample E[f|x] of each of X̂ beside the same plans of the others, and move q (Alg. 3).
 
         When each was sampled often enough X̂ is chosen anew from the tree.
@@ -313,12 +313,12 @@ class DecMcts:
         utilities = [self._values.utility(self.head, plans, team) for plans in joint]
         self._own.update(np.array(utilities))
 
-    def _with_start(self, plans: Sequence[Plan], team: Team) -> list[Plan]:
+    def _with_start(self, plans: Sequence[Plan], team: TeamHeads) -> list[Plan]:
         """Return plans for X̂: this head's in the best joint plan, then these."""
         chosen = {p.tobytes(): p for p in (self._values.starts[team].plans[self.head], *plans)}
         return list(chosen.values())[: self.parameters.plans]
 
-    def _refine(self, team: Team, *, recreate: bool) -> None:
+    def _refine(self, team: TeamHeads, *, recreate: bool) -> None:
         """Recreate windows of the best joint order, or polish it; go over to a better start."""
         start, polishing = self._values.starts[team], self._polishing
         if polishing is None or polishing.team != team:
@@ -334,11 +334,13 @@ class DecMcts:
             polishing.polish.improve(self.parameters.windows)
         self._keep_polished(polishing)
 
-    def _begun_anew(self, team: Team) -> _Polishing:
+    def _begun_anew(self, team: TeamHeads) -> _Polishing:
         """Return the best plans of macro-actions as a joint order to polish."""
         return self._new_polishing(StatedOrder.of(self._values.start_paths[team]), team)
 
-    def _new_polishing(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Polishing:
+    def _new_polishing(
+        self, stated: StatedOrder, team: TeamHeads, gained_s: float = 0.0
+    ) -> _Polishing:
         """Return a joint order to polish; each has random numbers of its own."""
         seed = self._seed * len(self.problem.machine.heads) + self.head
         seed += len(self.problem.machine.heads) * self._polishings
@@ -346,7 +348,7 @@ class DecMcts:
         polish = Polish(self.problem, stated, seed=seed, live=team)
         return _Polishing(team, polish, self._values.starts[team].makespan_s, gained_s)
 
-    def _follow(self, stated: StatedOrder, makespan_s: float, team: Team) -> None:
+    def _follow(self, stated: StatedOrder, makespan_s: float, team: TeamHeads) -> None:
         """Polish another head's order from now on if it is well ahead of the one polished here."""
         polishing = self._polishing
         if polishing is not None and makespan_s < polishing.polish.began_s:
@@ -363,7 +365,7 @@ class DecMcts:
             plans = {r: plan if r == self.head else NOTHING for r in polishing.team}
             self._values.makespan(plans, polishing.team)
 
-    def _draw(self, team: Team) -> dict[int, Plan]:
+    def _draw(self, team: TeamHeads) -> dict[int, Plan]:
         """Draw x⁻ʳ from the latest known distributions."""
         return {
             r: self._others[r].sample(self._rng) if r in self._others else self._likeliest(r)
@@ -371,7 +373,7 @@ class DecMcts:
             if r != self.head
         }
 
-    def _plan_alone(self, team: Team) -> None:
+    def _plan_alone(self, team: TeamHeads) -> None:
         """Search one order for everything; the effort doubles with the rounds."""
         problem = self.problem
         self._alone += 1
@@ -387,5 +389,5 @@ class DecMcts:
         self._own = Candidates((self.best(team).plans[self.head],), self.parameters)
 
 
-def _team(live: Sequence[int]) -> Team:
+def _team(live: Sequence[int]) -> TeamHeads:
     return tuple(sorted({int(r) for r in live}))

@@ -15,7 +15,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.engine.space import Space, build_space
+from decmcts.team.engine.space import Workspaces, build_space
 
 
 def share_out(
@@ -87,7 +87,7 @@ def one_head_toolpaths(
     return split(toolpath, eligible, nearest_first(space, team))
 
 
-def nearest_first(space: Space, team: Sequence[int]) -> list[int]:
+def nearest_first(space: Workspaces, team: Sequence[int]) -> list[int]:
     """Return heads by how far they park from the print along x or y, the larger of both."""
     if not len(space.boxes):
         return list(team)

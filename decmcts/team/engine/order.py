@@ -23,7 +23,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.carry_out_kernels import CONTRADICTED, SHUT_IN, Sequences, carry_out
 from decmcts.team.engine.joint_kernels import Units, Visits
 from decmcts.team.engine.pieces_kernels import cut_pieces
-from decmcts.team.engine.space import Space, printing_times
+from decmcts.team.engine.space import Workspaces, printing_times
 from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.engine.waits_kernels import find_waits, first_later
 
@@ -79,7 +79,7 @@ def visits_of(
 
 
 def require_complete(
-    job: PrintJob, machine: Machine, space: Space, toolpaths: Sequence[Toolpath]
+    job: PrintJob, machine: Machine, space: Workspaces, toolpaths: Sequence[Toolpath]
 ) -> None:
     """Raise InputError unless every contour is printed once, by a head that can."""
     if len(toolpaths) != len(machine.heads):

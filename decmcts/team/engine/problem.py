@@ -28,7 +28,7 @@ from decmcts.team.engine.macros import columns_of, cut_macros, part_of, part_pro
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import (
-    Space,
+    Workspaces,
     build_space,
     fleet_of,
     printing_times,
@@ -44,7 +44,7 @@ class TeamProblem:
     job: PrintJob
     machine: Machine
     graph: DependencyGraph
-    space: Space
+    space: Workspaces
     fleet: Fleet
     visits: Visits  # as sliced
     row: NDArray[np.int64]  # (heads,) in which they stand, lowest first (`line_up`)
@@ -183,7 +183,7 @@ def _urgency(seconds: NDArray[np.float64], graph: DependencyGraph) -> NDArray[np
     return np.asarray(1.0 - behind / max(float(behind.max(initial=0.0)), 1e-12))
 
 
-def _quantile(seconds: NDArray[np.float64], space: Space, axis: int) -> NDArray[np.float64]:
+def _quantile(seconds: NDArray[np.float64], space: Workspaces, axis: int) -> NDArray[np.float64]:
     """Return the share of all work that lies at lower places along an axis, (n,)."""
     middle = space.boxes[:, 2 * axis] + space.boxes[:, 2 * axis + 1]
     order = np.argsort(middle, kind="stable")

@@ -27,7 +27,7 @@ from decmcts.team.engine.spaces_kernels import Fleet
 
 
 @dataclass(frozen=True, slots=True)
-class Space:
+class Workspaces:
     """Boxes, eligibility and parking places of one print on one machine."""
 
     boxes: NDArray[np.float64]  # (n, 4) min x, max x, min y, max y of each contour, mm
@@ -180,7 +180,7 @@ def travel_row(settings: ProcessSettings, limits: MotionLimits, pace: float = 1.
     ]
 
 
-def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Space:
+def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Workspaces:
     """Return the space that heads reserve for these contours.
 
     A contour is eligible for a head that reaches it, has its tool and can be let in. Heads
@@ -190,7 +190,7 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
     if live is not None:
         eligible[:, [r for r in range(len(machine.heads)) if r not in live]] = False
     parks = np.array([head.park for head in machine.heads], np.float64)
-    return Space(contour_boxes(job.contours), parks, _let_in(eligible, job, machine, live))
+    return Workspaces(contour_boxes(job.contours), parks, _let_in(eligible, job, machine, live))
 
 
 def able_heads(job: PrintJob, machine: Machine) -> NDArray[np.bool_]:

@@ -24,7 +24,7 @@ REMEMBERED = 50_000  # makespans of joint plans kept
 EACH = 200  # contours whose work all else in an evaluation is counted as
 
 Plan = NDArray[np.int32]
-Team = tuple[int, ...]  # heads, in order
+TeamHeads = tuple[int, ...]  # heads, in order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,19 +45,19 @@ class JointValues:
 
     def __init__(self, problem: TeamProblem) -> None:
         self._problem = problem
-        self._known: dict[tuple[Team, bytes], float] = {}
-        self._unable: set[Team] = set()  # cannot print everything
+        self._known: dict[tuple[TeamHeads, bytes], float] = {}
+        self._unable: set[TeamHeads] = set()  # cannot print everything
         self._serial_s = float(problem.visits.seconds.max(axis=0).sum())
-        self.best: dict[Team, BestJointPlan] = {}
-        self.starts: dict[Team, BestJointPlan] = {}
-        self.start_paths: dict[Team, tuple[Toolpath, ...]] = {}
+        self.best: dict[TeamHeads, BestJointPlan] = {}
+        self.starts: dict[TeamHeads, BestJointPlan] = {}
+        self.start_paths: dict[TeamHeads, tuple[Toolpath, ...]] = {}
         self.placed = 0
 
-    def knows(self, plans: Mapping[int, Plan], team: Team) -> bool:
+    def knows(self, plans: Mapping[int, Plan], team: TeamHeads) -> bool:
         """Whether this joint plan is resolved already."""
         return _key(plans, team) in self._known
 
-    def makespan(self, plans: Mapping[int, Plan], team: Team) -> float:
+    def makespan(self, plans: Mapping[int, Plan], team: TeamHeads) -> float:
         """Return the makespan of a joint plan, infinite where these heads cannot print all."""
         if team in self._unable:
             return np.inf
@@ -68,12 +68,12 @@ class JointValues:
             self._known[key] = self._resolved(plans, team)
         return self._known[key]
 
-    def value(self, plans: Mapping[int, Plan], team: Team) -> float:
+    def value(self, plans: Mapping[int, Plan], team: TeamHeads) -> float:
         """Return g, 1 for an instant print and 0 for one that takes twice the serial time."""
         serial = 2.0 * self._serial_s
         return max(0.0, 1.0 - self.makespan(plans, team) / serial) if serial > 0.0 else 0.0
 
-    def utility(self, head: int, plans: Mapping[int, Plan], team: Team) -> float:
+    def utility(self, head: int, plans: Mapping[int, Plan], team: TeamHeads) -> float:
         """Return the local utility of a head's plan, fʳ = g(xʳ, x⁻ʳ) - g(∅ʳ, x⁻ʳ)."""
         rest = {r: self._without_start(plans[r]) for r in team if r != head}
         return self.value(plans, team) - self.value(rest, tuple(rest))
@@ -89,7 +89,7 @@ class JointValues:
         found = (decode(plan, n_macros, n).stated for plan in plans.values())
         return next((stated for stated in found if stated is not None), None)
 
-    def _resolved(self, plans: Mapping[int, Plan], team: Team) -> float:
+    def _resolved(self, plans: Mapping[int, Plan], team: TeamHeads) -> float:
         try:
             resolved = resolve(self._problem, plans, team)
         except InputError:
@@ -106,5 +106,5 @@ class JointValues:
         return makespan
 
 
-def _key(plans: Mapping[int, Plan], team: Team) -> tuple[Team, bytes]:
+def _key(plans: Mapping[int, Plan], team: TeamHeads) -> tuple[TeamHeads, bytes]:
     return team, blake2b(b"|".join(plans[r].tobytes() for r in team)).digest()

@@ -166,13 +166,13 @@ def search_qcsp(
     progress : Callable[[Progress], None] | None
         Told after every round where the search stands.
     """
-    search = _Search(problem, stopping, clock, seed, target, progress)
+    search = _CraneSearch(problem, stopping, clock, seed, target, progress)
     if len(problem):
         search.run()
     return search.result()
 
 
-class _Search:
+class _CraneSearch:
     """Rounds of annealing and the best schedule of all."""
 
     def __init__(

@@ -23,7 +23,7 @@ from decmcts.print.walls import bare_pairs, retracted_paths
 from decmcts.print.walls_kernels import Walls
 from decmcts.team.engine.joint_kernels import UNIT_PRINT
 from decmcts.team.engine.order import UnitOrder
-from decmcts.team.engine.space import Space
+from decmcts.team.engine.space import Workspaces
 from decmcts.team.schedule.routes_kernels import Bends, RoutedUnits, travel_levels
 from decmcts.team.schedule.timing import kinds_of_tools
 
@@ -39,7 +39,7 @@ def unit_travels(
     job: PrintJob,
     machine: Machine,
     order: UnitOrder,
-    space: Space,
+    space: Workspaces,
     walls: Walls,
     detours: Detours | None = None,
 ) -> Paths:
@@ -120,7 +120,7 @@ def _hop_of(job: PrintJob, order: UnitOrder) -> NDArray[np.float64]:
     return hops
 
 
-def _starts(order: UnitOrder, space: Space) -> NDArray[np.float64]:
+def _starts(order: UnitOrder, space: Workspaces) -> NDArray[np.float64]:
     """Return where the head stands before each unit, (m, 3)."""
     starts = np.empty_like(order.target)
     for r in range(len(order.counts)):

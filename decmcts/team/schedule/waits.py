@@ -24,7 +24,7 @@ STEP_S = 1e-3  # files give a dwell in whole milliseconds
 
 
 @dataclass(slots=True)
-class _Row:
+class _NewAction:
     """One action of the new plan; `action` is the old one it is or belongs to."""
 
     kind: int
@@ -53,13 +53,15 @@ def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> J
     return JointPlan((_actions(plan.heads[0], rows),))
 
 
-def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list[_Row]:
+def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list[_NewAction]:
     ended = np.zeros(len(job.contours))
-    rows: list[_Row] = []
+    rows: list[_NewAction] = []
     now = 0.0
-    travels: list[_Row] = []  # to the next contour, not yet begun
+    travels: list[_NewAction] = []  # to the next contour, not yet begun
     for k in range(len(old)):
-        row = _Row(int(old.kind[k]), k, old.action_path(k), float(old.end_s[k] - old.begin_s[k]))
+        row = _NewAction(
+            int(old.kind[k]), k, old.action_path(k), float(old.end_s[k] - old.begin_s[k])
+        )
         if row.kind != ActionKind.PRINT:
             travels.append(row)
             continue
@@ -77,8 +79,8 @@ def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list
 
 
 def _waiting(
-    job: PrintJob, machine: Machine, to: _Row, travels: list[_Row], wait_s: float
-) -> Iterator[_Row]:
+    job: PrintJob, machine: Machine, to: _NewAction, travels: list[_NewAction], wait_s: float
+) -> Iterator[_NewAction]:
     """Yield the path to a contour with a wait of `wait_s` in it, high above where it begins."""
     path = np.concatenate([t.path for t in travels] or [to.path[:1]])
     start, k = path[0], to.action
@@ -94,10 +96,10 @@ def _waiting(
     saved = lift + onward - sum(t.seconds for t in travels)
     dwell = np.ceil((wait_s - saved) / STEP_S) * STEP_S
     if up[2] > start[2]:
-        yield _Row(ActionKind.TRAVEL, k, np.stack([start, up]), lift)
+        yield _NewAction(ActionKind.TRAVEL, k, np.stack([start, up]), lift)
     if dwell > LEAST_WAIT_S:
-        yield _Row(ActionKind.WAIT, k, up[None], float(dwell))
-    yield _Row(ActionKind.TRAVEL, k, rest, onward)
+        yield _NewAction(ActionKind.WAIT, k, up[None], float(dwell))
+    yield _NewAction(ActionKind.TRAVEL, k, rest, onward)
 
 
 def _rises(path: NDArray[np.float64]) -> bool:
@@ -105,7 +107,7 @@ def _rises(path: NDArray[np.float64]) -> bool:
     return len(path) > 1 and bool((path[1, :2] == path[0, :2]).all() and path[1, 2] >= path[0, 2])
 
 
-def _actions(old: HeadActions, rows: list[_Row]) -> HeadActions:
+def _actions(old: HeadActions, rows: list[_NewAction]) -> HeadActions:
     kind = np.array([row.kind for row in rows], np.int8)
     was = np.array([row.action for row in rows], np.int64)
     printing = kind == ActionKind.PRINT

@@ -19,7 +19,7 @@ from sim.arrays import Floats
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.changes import flags_of
 from sim.pictures.report.cuts import cuts_of_page
-from sim.pictures.report.facts import CarriedOut, Told, facts_of
+from sim.pictures.report.facts import CarriedOut, ReportDetails, facts_of
 from sim.pictures.report.saving import saving_of
 from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
 from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
@@ -30,7 +30,7 @@ MOST_EDGES = 300_000  # of the graph; with more the page has none
 
 
 def page_data(
-    before: PlanDocument, after: PlanDocument, history: History, told: Told
+    before: PlanDocument, after: PlanDocument, history: History, details: ReportDetails
 ) -> tuple[dict[str, Any], Blobs]:
     """Return the page's JSON, and the arrays it names.
 
@@ -38,24 +38,24 @@ def page_data(
     ----------
     before, after : the source's own order and the plan
     history : rows of seconds, ..., cost: the search's best so far
-    told : what else is known
+    details : what else is known
     """
     blobs = Blobs()
     drawn = contours_of(after.contours, blobs)
     flags = flags_of(before, after)
     several = len(after.plan.heads) > 1
-    waits = waits_of(after, told.graph)
+    waits = waits_of(after, details.graph)
     path = critical_path(after) if several else []
     labels = ("planned", "happened")
-    if told.run is None:
+    if details.run is None:
         labels = (compared_order(before.metrics), "after")
     page = {
-        "title": told.file or after.machine.name,
-        "file": told.file or None,
+        "title": details.file or after.machine.name,
+        "file": details.file or None,
         "made_with": f"decmcts {__version__}",
         "machine": _machine(after.machine),
         "roles": list(ROLES),
-        "contours": {**drawn.contours, **_clusters(told.graph, blobs)},
+        "contours": {**drawn.contours, **_clusters(details.graph, blobs)},
         "thinned": drawn.thinned,
         "plans": [
             plan_of(document, drawn, each, label, blobs)
@@ -63,7 +63,7 @@ def page_data(
                 (before, flags[0], labels[0]), (after, flags[1], labels[1]),
             )
         ],
-        "facts": facts_of(before, after, told),
+        "facts": facts_of(before, after, details),
         "waits": [_wait(wait) for wait in waits],
         "wait_sums": sums_of(waits),
         "critical": {
@@ -73,11 +73,11 @@ def page_data(
         "history": _history(after, history),
         "team": _team(after),
         "saving": saving_of(before, after),
-        "graph": _graph(told.graph, blobs),
+        "graph": _graph(details.graph, blobs),
         "cuts": cuts_of_page(after, blobs),
-        "after": _after(after if told.run is None else before, blobs) if several else None,
-        "notes": list(told.notes),
-        "run": None if told.run is None else _run(told.run),
+        "after": _after(after if details.run is None else before, blobs) if several else None,
+        "notes": list(details.notes),
+        "run": None if details.run is None else _run(details.run),
     }  # fmt: skip
     return page, blobs
 

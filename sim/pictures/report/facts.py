@@ -47,8 +47,8 @@ class CarriedOut:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """What a report is told besides the two plans; all of it may be missing."""
+class ReportDetails:
+    """What a report states besides the two plans; all of it may be missing."""
 
     file: str = ""  # name of the source
     verdict: Verdict | None = None
@@ -58,27 +58,30 @@ class Told:
     run: CarriedOut | None = None  # `after` is what happened of the plan `before`
 
 
-def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str, Any]:
+def facts_of(before: PlanDocument, after: PlanDocument, details: ReportDetails) -> dict[str, Any]:
     """Return the figures and words of the first screen, each once."""
     was, now = before.metrics, after.metrics
-    said = [] if told.verdict is None else sentences(told.verdict)
+    stated = [] if details.verdict is None else sentences(details.verdict)
     return {
-        "file": told.file,
+        "file": details.file,
         "machine": after.machine.name,
-        "ok": told.verdict is None or told.verdict.ok,
-        "judged": told.verdict is not None,
-        "checked": [[one.about, one.text, one.where] for one in said],
+        "ok": details.verdict is None or details.verdict.ok,
+        "judged": details.verdict is not None,
+        "checked": [[one.about, one.text, one.where] for one in stated],
         "time": _time(before, after),
         "rows": [row for row in (_row(*named, was, now) for named in MAKERS.items()) if row],
         "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
         "speed_up": _speed_up(after),
-        "cut": cut_facts(after if told.run is None else before),
+        "cut": cut_facts(after if details.run is None else before),
         "proof": _proof(now),
         "waits_s": float(now.get("waits_s") or 0.0),
-        "idle": idle_line(now if told.run is None else was),
+        "idle": idle_line(now if details.run is None else was),
         "kept_source": now.get("kept_because"),
         "made_safe": bool(was.get("made_safe")),
-        "warnings": [*told.warnings, *(() if told.verdict is None else told.verdict.warnings)],
+        "warnings": [
+            *details.warnings,
+            *(() if details.verdict is None else details.verdict.warnings),
+        ],
         "settings": [
             [label, WORDS.get(str(now.get(key)), now.get(key))]
             for key, label in SETTINGS

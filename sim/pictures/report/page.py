@@ -12,7 +12,7 @@ from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog
 from decmcts.print.print_state import happened
 from sim.pictures.report.data import History, page_data
-from sim.pictures.report.facts import CarriedOut, Told
+from sim.pictures.report.facts import CarriedOut, ReportDetails
 
 PAGE = files("sim.pictures.report") / "page"
 LIBRARIES = ("vendor/regl.min.js", "vendor/uPlot.iife.min.js")
@@ -37,7 +37,7 @@ def write_report(
     before: PlanDocument,
     after: PlanDocument,
     history: History = (),
-    told: Told | None = None,
+    details: ReportDetails | None = None,
 ) -> None:
     """Write the page.
 
@@ -46,9 +46,9 @@ def write_report(
     path : file to write
     before, after : the source's own order and the plan
     history : rows of seconds, ..., cost: the search's best so far, drawn when there are any
-    told : what else is known
+    details : what else is known
     """
-    page, blobs = page_data(before, after, history, told or Told())
+    page, blobs = page_data(before, after, history, details or ReportDetails())
     pieces = {
         "TITLE": html.escape(f"{page['title']}: report of decmcts"),
         "STYLE": "\n".join(map(_piece, STYLES)),
@@ -85,7 +85,7 @@ def write_run_report(
         if event.kind is EventKind.FAILED
     ]
     run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end, on_print)
-    write_report(path, before=document, after=after, told=Told(file=file, run=run))
+    write_report(path, before=document, after=after, details=ReportDetails(file=file, run=run))
 
 
 def _piece(name: str) -> str:

@@ -130,7 +130,7 @@ def _head(
 
 
 def _kept(contours: Contours, actions: HeadActions) -> tuple[Ints, Flags, Ints]:
-    """Return the action of each point of the paths, which of them are told, and which are known.
+    """Return the action of each point of the paths, which of them are sent, and which are known.
 
     Of each action the page knows 1: its first point, 2: its last, 3: both, 0: none.
     Paths of prints are known from their contours. So is where a travel begins after one and ends
@@ -154,5 +154,5 @@ def _kept(contours: Contours, actions: HeadActions) -> tuple[Ints, Flags, Ints]:
         & np.concatenate([starts[1:], [False]])[: len(actions)]
     )
     first, last_row = rows == begins[owner], rows == ends[owner]
-    told = moves[owner] & ~(first & behind[owner]) & ~(last_row & ahead[owner])
-    return owner, told, behind + 2 * ahead.astype(np.int64)
+    sent = moves[owner] & ~(first & behind[owner]) & ~(last_row & ahead[owner])
+    return owner, sent, behind + 2 * ahead.astype(np.int64)

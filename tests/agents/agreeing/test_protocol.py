@@ -11,7 +11,6 @@ import pytest
 import agents.agreeing.protocol
 from agents.agreeing.events import (
     Effect,
-    Event,
     Forget,
     HeadFenced,
     Leave,
@@ -19,10 +18,11 @@ from agents.agreeing.events import (
     LiveChanged,
     Phase,
     PlanningEnded,
+    PlanReleased,
     PlanResolved,
     Propose,
+    ProtocolEvent,
     Refused,
-    Release,
     Resolve,
     RosterComplete,
     Send,
@@ -198,7 +198,7 @@ def test_the_road_to_a_release(protocol: Protocol, peer: Peer) -> None:
     assert sent(effects, Commit)[0].heard == (0, 99)
     effects = peer.commits(GOOD, Stage.AGREED, heard=commit.term)
     assert [c.stage for c in sent(effects, Commit)] == [Stage.RELEASED]
-    assert some(effects, Release)[0].digest == GOOD
+    assert some(effects, PlanReleased)[0].digest == GOOD
     assert not protocol.settled
     peer.commits(GOOD, Stage.RELEASED, heard=commit.term)
     assert protocol.settled
@@ -275,9 +275,9 @@ def test_a_death_while_agreeing_starts_over_with_the_rest(protocol: Protocol, pe
     assert Forget(1) in effects and Propose((0,)) in effects
     effects = protocol.handle(Proposal((0,), PLANS, 9.0, BAD))
     assert some(effects, Unfenced) == [Unfenced((1,))]
-    assert not some(effects, Release)
+    assert not some(effects, PlanReleased)
     effects = protocol.handle(HeadFenced(1, 1))
-    assert [r.live for r in some(effects, Release)] == [(0,)]
+    assert [r.live for r in some(effects, PlanReleased)] == [(0,)]
 
 
 def test_an_answer_for_a_live_set_of_the_past_is_ignored(protocol: Protocol, peer: Peer) -> None:
@@ -293,7 +293,7 @@ def test_a_release_of_others_is_followed(protocol: Protocol, peer: Peer) -> None
     peer.says(theirs(GOOD, 5.0))
     peer.commits(GOOD, Stage.RELEASED)
     effects = protocol.handle(PlanResolved(BOTH, GOOD, GOOD, 5.0))
-    assert some(effects, Release)[0].digest == GOOD
+    assert some(effects, PlanReleased)[0].digest == GOOD
 
 
 def test_a_release_of_an_unknown_plan_is_fetched_first(protocol: Protocol, peer: Peer) -> None:
@@ -302,7 +302,7 @@ def test_a_release_of_an_unknown_plan_is_fetched_first(protocol: Protocol, peer:
     assert sent(effects, PlanRequest) == [PlanRequest(1, BOTH, GOOD)]
     peer.says(PlanReply(0, theirs()))
     effects = protocol.handle(PlanResolved(BOTH, GOOD, GOOD, 5.0))
-    assert some(effects, Release)[0].digest == GOOD
+    assert some(effects, PlanReleased)[0].digest == GOOD
 
 
 def test_a_head_the_others_released_without_leaves_parked(protocol: Protocol, peer: Peer) -> None:
@@ -318,7 +318,7 @@ def test_a_goodbye_without_a_release_is_a_fence(protocol: Protocol, peer: Peer) 
     propose(protocol)
     peer.says(Goodbye("", "terminated"))
     effects = protocol.handle(Proposal((0,), PLANS, 9.0, GOOD))
-    assert [r.live for r in some(effects, Release)] == [(0,)]
+    assert [r.live for r in some(effects, PlanReleased)] == [(0,)]
 
 
 def test_what_may_be_lost_is_said_again_until_answered(protocol: Protocol, peer: Peer) -> None:
@@ -355,7 +355,7 @@ def test_long_plans_are_said_again_now_and_then_only(
 @pytest.mark.parametrize(
     "event", [PlanningEnded(), Tick(), Leave("x"), HeadFenced(1, 1), HeadFenced(7, 1)]
 )
-def test_nothing_follows_after_leaving(protocol: Protocol, event: Event) -> None:
+def test_nothing_follows_after_leaving(protocol: Protocol, event: ProtocolEvent) -> None:
     """A head that left must not act."""
     protocol.handle(Leave("done"))
     assert protocol.handle(event) == []

@@ -21,7 +21,9 @@ def roster() -> Roster:
 
 def greets(roster: Roster, head: int, epoch: int) -> list[Effect]:
     roster.appeared(head, epoch)
-    return roster.hear(head, (epoch, next(NUMBERS)), Hello(PROBLEM, VERSION, f"h{head}", False))
+    return roster.receive_hello(
+        head, (epoch, next(NUMBERS)), Hello(PROBLEM, VERSION, f"h{head}", False)
+    )
 
 
 def test_nothing_late_of_a_fenced_incarnation_brings_it_back(roster: Roster) -> None:
@@ -57,18 +59,18 @@ def test_a_restart_is_greeted_whatever_its_clock_says(roster: Roster, epoch: int
     assert roster.gone(1, 7) or epoch > 7
     greets(roster, 1, epoch)
     assert roster.greeted == {1: epoch}
-    assert roster.may_hear(1, (epoch, 1), Commit)
-    assert not roster.may_hear(1, (7, 99), Commit)
+    assert roster.may_receive(1, (epoch, 1), Commit)
+    assert not roster.may_receive(1, (7, 99), Commit)
 
 
 def test_an_earlier_restart_counts_its_messages_anew(roster: Roster) -> None:
     """Its first word must not count as older than the last of the old incarnation."""
     greets(roster, 1, 7)
-    assert roster.may_hear(1, (7, 500), Commit)
+    assert roster.may_receive(1, (7, 500), Commit)
     roster.gone(1, 7)
     greets(roster, 1, 3)
-    assert roster.may_hear(1, (3, 1), Commit)
-    assert not roster.may_hear(1, (3, 1), Commit)
+    assert roster.may_receive(1, (3, 1), Commit)
+    assert not roster.may_receive(1, (3, 1), Commit)
 
 
 def test_of_two_tokens_of_a_head_the_larger_counts_in_any_order(roster: Roster) -> None:
@@ -92,7 +94,7 @@ def test_who_is_silent_longer_than_promised_is_dropped_until_it_speaks(roster: R
     assert LogNote("middle is silent") in effects and roster.live == (0,)
     assert roster.missing(roster.live) == (1, 2)  # not fenced: it may be moving
     assert any(isinstance(e, Send) for e in roster.tick())  # asked to say hello
-    roster.hear(1, (7, next(NUMBERS)), Hello(PROBLEM, VERSION, "h1", False))
+    roster.receive_hello(1, (7, next(NUMBERS)), Hello(PROBLEM, VERSION, "h1", False))
     assert roster.live == (0, 1)
 
 
@@ -102,7 +104,7 @@ def test_any_word_is_a_sign_of_life(roster: Roster) -> None:
     for seq in range(3):
         for _ in range(SILENCE_TICKS):
             roster.tick()
-        assert roster.may_hear(1, (7, seq), Commit)
+        assert roster.may_receive(1, (7, seq), Commit)
     assert roster.live == (0, 1)
 
 
@@ -110,10 +112,10 @@ def test_what_is_refused_is_said_once_for_each_incarnation(roster: Roster) -> No
     """A restart with the right print must get in, and one with another wrong one be named."""
     wrong = Hello("cd" * 16, VERSION, "h1", False)
     roster.appeared(1, 7)
-    assert len(roster.hear(1, (7, 1), wrong)) == 1
-    assert roster.hear(1, (7, 2), wrong) == []
+    assert len(roster.receive_hello(1, (7, 1), wrong)) == 1
+    assert roster.receive_hello(1, (7, 2), wrong) == []
     roster.appeared(1, 8)
-    assert [type(e) for e in roster.hear(1, (8, 1), wrong)] == [Refused]
+    assert [type(e) for e in roster.receive_hello(1, (8, 1), wrong)] == [Refused]
     roster.gone(1, 8)
     roster.gone(1, 7)
     greets(roster, 1, 9)
@@ -124,12 +126,12 @@ def test_a_hello_that_somebody_says_again_keeps_no_dead_head_here(roster: Roster
     """It has the right seal: whoever listens in can say it again, but not with a new number."""
     hello = Hello(PROBLEM, VERSION, "h1", False)
     roster.appeared(1, 7)
-    roster.hear(1, (7, 1), hello)
+    roster.receive_hello(1, (7, 1), hello)
     for _ in range(SILENCE_TICKS + 1):
-        roster.hear(1, (7, 1), hello)
+        roster.receive_hello(1, (7, 1), hello)
         roster.tick()
     assert roster.live == (0,)
-    roster.hear(1, (7, 1), hello)
+    roster.receive_hello(1, (7, 1), hello)
     assert roster.live == (0,)
-    roster.hear(1, (7, 2), hello)
+    roster.receive_hello(1, (7, 2), hello)
     assert roster.live == (0, 1)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from agents.agreeing.events import Event, HeadFenced, Leave, PlanningEnded, Release
+from agents.agreeing.events import HeadFenced, Leave, PlanningEnded, PlanReleased, ProtocolEvent
 from agents.loop.agent import Meet
 from agents.loop.pipes import PipeFront, parse_command
 from agents.networks.meeting import Meeting
@@ -41,7 +41,7 @@ def pipes() -> Iterator[tuple[PipeFront, int, int]]:
         (b"", None),
     ],
 )
-def test_commands(line: bytes, event: Event | None) -> None:
+def test_commands(line: bytes, event: ProtocolEvent | None) -> None:
     """A command that is not understood is not obeyed."""
     assert parse_command(line) == event
 
@@ -67,7 +67,7 @@ def test_the_end_of_the_pipe_means_leave_once(pipes: tuple[PipeFront, int, int])
 def test_a_release_carries_the_plan(pipes: tuple[PipeFront, int, int]) -> None:
     """The launcher prints what the agents agreed on, so it must get all of it."""
     front, commands, lines = pipes
-    front.tell(Release((0, 1), {1: np.int32([3, 4]), 0: np.int32([])}, 9.5, "ab" * 16))
+    front.tell(PlanReleased((0, 1), {1: np.int32([3, 4]), 0: np.int32([])}, 9.5, "ab" * 16))
     assert json.loads(os.read(lines, 4096)) == {
         "event": "released",
         "live": [0, 1],

@@ -26,11 +26,11 @@ from agents.running.port import (
     Start,
     pack,
 )
-from agents.running.report import Reached, Report, newer, unpack_report
+from agents.running.report import HeadReport, Reached, newer, unpack_report
 from decmcts.print.print_events import EventKind, PrintEvent
 
 EVENT = PrintEvent(EventKind.PASSED, 1, 12.5, 3, 2, (1.0, 2.0, 3.0))
-REPORT = Report(1, 7, 2, "0" * 32, Reached(3, True, 2), EVENT)
+REPORT = HeadReport(1, 7, 2, "0" * 32, Reached(3, True, 2), EVENT)
 
 
 def test_a_report_comes_back() -> None:
@@ -56,11 +56,11 @@ def test_broken_reports_are_refused_by_name(seed: int) -> None:
 
 def test_a_report_that_is_overtaken_changes_nothing() -> None:
     """The newest counts, and in one plan no head goes back."""
-    late = Report(1, 6, 2, "0" * 32, Reached(1), EVENT)
+    late = HeadReport(1, 6, 2, "0" * 32, Reached(1), EVENT)
     assert newer(REPORT, late) is REPORT
-    lost = Report(1, 9, 2, "0" * 32, Reached(2), EVENT)
+    lost = HeadReport(1, 9, 2, "0" * 32, Reached(2), EVENT)
     assert newer(REPORT, lost).reached == REPORT.reached
-    following = Report(1, 10, 3, "1" * 32, Reached(0))
+    following = HeadReport(1, 10, 3, "1" * 32, Reached(0))
     assert newer(REPORT, following) == following
 
 

@@ -9,7 +9,7 @@ from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Packet
 from agents.running.carrier import Carrier, NumberedPlan, committed
 from agents.running.port import Pause, Ready, ReleaseActions, Resume, Start
-from agents.running.report import KIND, NOTHING, Reached, Report, unpack_report
+from agents.running.report import KIND, NOTHING, HeadReport, Reached, unpack_report
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.print_events import EventKind, PrintEvent
 from sim.controllers.feeding import Feeding, Work
@@ -207,7 +207,7 @@ def test_a_fenced_head_that_parks_is_waited_for(made: Made) -> None:
     (edge, *_) = [edge for edge in plan.heads[h].after_edges(k) if edge.head != h]
     before, later = (NumberedPlan(n, "plan", DIGEST, plan, (0, 1)) for n in (0, 1))
     carrier.fence(1 - h, 0, NOTHING)
-    carrier.take_report(Report(1 - h, 1, 1, DIGEST, Reached(edge.action + 1)))
+    carrier.take_report(HeadReport(1 - h, 1, 1, DIGEST, Reached(edge.action + 1)))
     assert not carrier.has_passed(before, edge)
     assert carrier.has_passed(later, edge)
 
@@ -223,9 +223,9 @@ def test_the_rest_begins_when_who_failed_stands_at_its_park(made: Made) -> None:
     carrier.fence(1, 0, NOTHING)
     whole = len(plan.heads[1])
     assert not carrier.may_begin(rest) and carrier.moving(rest) == 1
-    carrier.take_report(Report(1, 1, 1, parking.digest, Reached(whole - 1)))
+    carrier.take_report(HeadReport(1, 1, 1, parking.digest, Reached(whole - 1)))
     assert not carrier.may_begin(rest)
-    carrier.take_report(Report(1, 2, 1, parking.digest, Reached(whole)))
+    carrier.take_report(HeadReport(1, 2, 1, parking.digest, Reached(whole)))
     assert carrier.may_begin(rest)
     carrier.reports.clear()
     carrier.fence(1, 1, NOTHING)  # it failed on its way, and stands where it is planned around

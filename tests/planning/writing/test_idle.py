@@ -11,7 +11,7 @@ import pytest
 from decmcts.cli.lines import team_lines
 from decmcts.cli.run import run
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
-from decmcts.formats.gcode.writing.hot_ends import HotEndTold
+from decmcts.formats.gcode.writing.hot_ends import HotEndTarget
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.options import Limits, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
@@ -190,7 +190,7 @@ COMMANDS = [
 @pytest.mark.parametrize("command", COMMANDS)
 def test_how_hot_a_head_is_the_judge_knows_wherever_the_writer_does(command: bytes) -> None:
     """Else files would be written that the judge has to refuse."""
-    told = HotEndTold()
+    told = HotEndTarget()
     told.take(b"M109 S215\n" + command + b"\n")
     assert told.degrees in (None, 215.0)
     if told.degrees is not None:
@@ -202,6 +202,6 @@ def test_how_hot_a_head_is_the_judge_knows_wherever_the_writer_does(command: byt
 @pytest.mark.parametrize("command", [b"M106 S255", b"G1 X5 E1", b"G92 E0", b"M140 S60"])
 def test_what_heats_no_hot_end_changes_nothing(command: bytes) -> None:
     """Start codes go on behind their last temperature."""
-    told = HotEndTold()
+    told = HotEndTarget()
     told.take(b"M109 S215\n" + command + b"\n")
     assert told.degrees == 215.0

@@ -17,7 +17,7 @@ from decmcts.search.bounds.certificate import Ascent, lower_bound
 from decmcts.search.bounds.pricing_kernels import price_travels
 from decmcts.search.bounds.relaxation import WIDTH, Relaxation
 from decmcts.search.planners import plan_order
-from decmcts.search.sequence.problem import Freedom, OrderProblem
+from decmcts.search.sequence.problem import FreedomWord, OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from tests.makers.corpus import CORPUS
 from tests.search.problems import choices, price, random_problem, with_bare, with_loops, with_pace
@@ -326,7 +326,7 @@ def test_gap_of_a_bound_of_zero_is_unknown() -> None:
 @pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.parametrize("freedom", ["fixed", "reversible", "seam"])
-def test_bound_of_a_real_print(freedom: Freedom) -> None:
+def test_bound_of_a_real_print(freedom: FreedomWord) -> None:
     """On a real print the bound holds against the search and is near enough to be of use."""
     path = CORPUS / "models" / "gcode" / "stained_glass_3.gcode.gz"
     if not path.exists():

@@ -9,14 +9,14 @@ import pytest
 
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.machine import Machine
-from sim.pictures.heads_in_row import Row, row_of
+from sim.pictures.heads_in_row import HeadsInRow, row_of
 from sim.pictures.machine_picture import draw_machine
 from sim.replay.collision import Solid
 from sim.replay.shapes import parts_of
 from tests.makers.random_machines import random_machine
 
 
-def by_fcl(machine: Machine, row: Row, one: int, other: int, nearer: float = 0.0) -> float:
+def by_fcl(machine: Machine, row: HeadsInRow, one: int, other: int, nearer: float = 0.0) -> float:
     """Return the distance of two heads of a row, the second moved towards the first."""
     places = row.nozzles.copy()
     places[other, row.axis] -= nearer
@@ -27,7 +27,7 @@ def by_fcl(machine: Machine, row: Row, one: int, other: int, nearer: float = 0.0
     return min(a.distance(b) for a, b in itertools.product(*solids))
 
 
-def rows_of(machine: Machine) -> list[Row]:
+def rows_of(machine: Machine) -> list[HeadsInRow]:
     return [row for axis in range(2) if (row := row_of(machine, axis)) is not None]
 
 

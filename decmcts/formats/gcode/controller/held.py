@@ -19,7 +19,7 @@ from decmcts.formats.gcode.dialects.dialect import Params, classify
 _FORMS = {"M204": ("S", ""), "M593": ("", "X Y", "X", "Y")}  # what covers others comes first
 
 Word = tuple[str, str]  # its form, and the word
-Key = tuple[str, str]  # an axis, or "", and a word
+WordKey = tuple[str, str]  # an axis, or "", and a word
 SETS = re.compile(r"M(104|140)\s++S\s*+(\d++(?:\.\d*+)?|\.\d++)(?:\s++T\s*+(\d++))?", re.I)
 WAITS = re.compile(r"M1(09|90)\s++[SR]\s*+(\d++(?:\.\d*+)?|\.\d++)(?:\s++T\s*+(\d++))?", re.I)
 _HEATERS = {"104": "hot end", "09": "hot end", "140": "bed", "90": "bed"}
@@ -35,7 +35,7 @@ class WordsInForce:
 
     command: str
     values: dict[Word, str] = field(default_factory=dict)
-    carriers: dict[Key, Word] = field(default_factory=dict)
+    carriers: dict[WordKey, Word] = field(default_factory=dict)
 
     def say(self, params: Params, *, form: str = "", whole: str = "") -> str:
         """Take a command, and return what says all that is now in force.
@@ -48,7 +48,7 @@ class WordsInForce:
             The command as it stands, which is kept where nothing of others is left.
         """
         count = 0
-        for word, value, keys in _said(self.command, form, params):
+        for word, value, keys in _words_of(self.command, form, params):
             self.values[word] = value
             self.carriers.update(dict.fromkeys(keys, word))
             count += 1
@@ -76,17 +76,17 @@ class WordsInForce:
         )
 
 
-def keys_of(text: str) -> frozenset[Key]:
+def keys_of(text: str) -> frozenset[WordKey]:
     """Return what the commands of a text set, for commands whose words hold one by one."""
-    keys: set[Key] = set()
+    keys: set[WordKey] = set()
     for line in text.split("\n"):
         event = classify(line.encode("utf-8", "surrogateescape"))
-        for _, _, covered in _said(event.text, "", event.params):
+        for _, _, covered in _words_of(event.text, "", event.params):
             keys.update(covered)
     return frozenset(keys)
 
 
-def _said(command: str, form: str, params: Params) -> Iterator[tuple[Word, str, list[Key]]]:
+def _words_of(command: str, form: str, params: Params) -> Iterator[tuple[Word, str, list[WordKey]]]:
     """Yield each word of a command, its value, and what it covers."""
     named = {word for word, _ in params}
     if command == "M204" and "S" in named:  # a form of its own: firmwares differ in its T

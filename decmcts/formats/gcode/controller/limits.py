@@ -103,9 +103,9 @@ def state_limits(
     first = limit_row(limits)
     ceiling = np.full(len(first), np.inf)
     if stated is not None:
-        said = limit_row(stated)
+        stated_row = limit_row(stated)
         rates = [PRINTING, RETRACTING, TRAVELLING]
-        ceiling[rates] = np.where(np.isnan(said[rates]), np.inf, said[rates])
+        ceiling[rates] = np.where(np.isnan(stated_row[rates]), np.inf, stated_row[rates])
     slots = [k for k, slot in enumerate(states.slots) if slot in (_APPLY if own else _PROCESS)]
     kinds, back = np.unique(states.rows[:, slots], axis=0, return_inverse=True)
     rows = np.tile(first, (len(kinds), 1))

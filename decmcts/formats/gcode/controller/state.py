@@ -18,8 +18,8 @@ from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_E, RELATIVE_
 from decmcts.formats.gcode.dialects.dialect import (
     CANONICAL,
     OF_TOOL,
-    Event,
     Kind,
+    LineMeaning,
     classify,
     trailing_role,
     with_note,
@@ -63,7 +63,7 @@ class Track:
 
 
 @dataclass(slots=True)
-class _Recorder:
+class _StateCollector:
     """Collects while the lines go by; mutates only itself."""
 
     lines: Lines
@@ -90,7 +90,7 @@ class _Recorder:
     opened: int = -1  # line at which a section has begun
     marker: str = ""  # of the last layer, with its notes
 
-    def record(self, event: Event, line: int) -> None:
+    def record(self, event: LineMeaning, line: int) -> None:
         """Take a line that is no move."""
         kind = event.kind
         if kind == Kind.UNREADABLE:
@@ -131,7 +131,7 @@ class _Recorder:
             self.select(code, line)
         self.keep_factor(code, line)
 
-    def note(self, event: Event, line: int) -> None:
+    def note(self, event: LineMeaning, line: int) -> None:
         """Append a line to the layer's marker or the object it belongs to."""
         if event.slot == "layer":
             if self.marker:
@@ -201,12 +201,12 @@ class _Recorder:
         where = self.slots.get(slot)
         return "" if where is None else self.texts[self.current[where]]
 
-    def take(self, event: Event, line: int) -> None:
+    def take(self, event: LineMeaning, line: int) -> None:
         """Set what a line sets, whole or parameter by parameter."""
         if event.tools is not None:
             for name in event.tools or (self.tool,):
-                said = _EXTRUDER.fullmatch(name)
-                tool = (said[1] or "0") if said else name.lstrip("0") or "0"
+                extruder = _EXTRUDER.fullmatch(name)
+                tool = (extruder[1] or "0") if extruder else name.lstrip("0") or "0"
                 slot = event.slot if tool == self.tool else f"{event.slot} {tool}"
                 joint = "" if len(event.names) < 2 else "="
                 form = f"{event.names}{joint}{name}" if event.tools else ""
@@ -216,7 +216,7 @@ class _Recorder:
         else:
             self.set_slot(event.slot, event.text, line)
 
-    def merge(self, slot: str, event: Event, line: int, form: str = "") -> None:
+    def merge(self, slot: str, event: LineMeaning, line: int, form: str = "") -> None:
         """Set the parameters of a command that holds them one by one."""
         held = self.merged.get(slot)
         if held is None or held.command != event.text:
@@ -262,20 +262,21 @@ def track_state(lines: Lines, motion: Motion) -> Track:
         At a line with a number that is read in different ways, and where more is set than any
         machine has.
     """
-    recorder, known = _Recorder(lines, motion), cache(classify)  # most lines say what others said
+    collector = _StateCollector(lines, motion)
+    known = cache(classify)  # most lines say what others said
     moves = (lines.letter == 71) & (lines.code <= 30)
     for line in _event_lines(lines, moves).tolist():
         if moves[line]:
-            recorder.take_comment(line)
+            collector.take_comment(line)
         else:
-            recorder.record(known(lines.raw(line)), line)
-    integers = (recorder.layers, recorder.splits, recorder.repeats, recorder.idle)
+            collector.record(known(lines.raw(line)), line)
+    integers = (collector.layers, collector.splits, collector.repeats, collector.idle)
     layers, splits, repeats, idle = (np.asarray(each, np.int64) for each in integers)
     return Track(
-        recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
-        layers, recorder.barriers, splits,
-        np.asarray(recorder.sections, np.int64).reshape(-1, 2), repeats, idle,
-        frozenset(value for (_, left), value in recorder.values.items() if left),
+        collector.table(), np.asarray(collector.at, np.int64), np.asarray(collector.ids, np.int32),
+        layers, collector.barriers, splits,
+        np.asarray(collector.sections, np.int64).reshape(-1, 2), repeats, idle,
+        frozenset(value for (_, left), value in collector.values.items() if left),
     )  # fmt: skip
 
 

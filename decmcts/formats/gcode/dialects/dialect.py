@@ -118,7 +118,7 @@ class Kind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class LineMeaning:
     """The meaning of one line."""
 
     kind: Kind
@@ -130,11 +130,11 @@ class Event:
     whole: str = ""  # the command, if it may be said again as it stands
 
 
-_NOTHING = Event(Kind.NOTHING)
+_NOTHING = LineMeaning(Kind.NOTHING)
 
 
 @lru_cache(maxsize=65536)
-def classify(raw: bytes) -> Event:
+def classify(raw: bytes) -> LineMeaning:
     """Return what a line (without its line end) means; moves are not asked about."""
     text = raw.decode("utf-8", "surrogateescape").strip()
     if text[:1] == ";" or (text[:1] == "(" and not _behind_brackets(text)):
@@ -163,48 +163,48 @@ def without_brackets(code: str) -> str:
     return "".join([*kept, rest])
 
 
-def _comment(text: str) -> Event:
+def _comment(text: str) -> LineMeaning:
     if text == SPLIT_MARK:
-        return Event(Kind.SPLIT)
+        return LineMeaning(Kind.SPLIT)
     body = text.lstrip("; (").rstrip(") ")
     upper = body.upper()
     key = upper.split(":", 1)[0].strip() if ":" in upper else ""
     stated = _VALUES.get(key, "")
     if stated in ("width", "height") and not text.startswith("; LAYER_HEIGHT: ;"):
-        return Event(Kind.STATE, stated, text)
+        return LineMeaning(Kind.STATE, stated, text)
     if stated == "layer" or _NOTE.match(body):
-        return Event(Kind.LAYER_NOTE, "layer", text)
+        return LineMeaning(Kind.LAYER_NOTE, "layer", text)
     if stated == "mesh":
-        return Event(Kind.STATE, "mesh", text)
+        return LineMeaning(Kind.STATE, "mesh", text)
     if is_role_comment(body):
-        return Event(Kind.STATE, "type", text)
+        return LineMeaning(Kind.STATE, "type", text)
     if _LAYER.match(body):
-        return Event(Kind.LAYER, "layer", text)
+        return LineMeaning(Kind.LAYER, "layer", text)
     return _label(text, body)
 
 
-def _label(text: str, body: str) -> Event:
+def _label(text: str, body: str) -> LineMeaning:
     lower = body.lower()
     if lower.startswith(every("objects")):
-        return Event(Kind.STATE, "label", text)
+        return LineMeaning(Kind.STATE, "label", text)
     if lower.startswith(every("objects_end")):
-        return Event(Kind.LEAVE, "label", text)
+        return LineMeaning(Kind.LEAVE, "label", text)
     if body.startswith(every("changes")):
-        return Event(Kind.SECTION, text=text)
+        return LineMeaning(Kind.SECTION, text=text)
     if body.startswith(every("changes_end")):
-        return Event(Kind.SECTION_END, text=text)
+        return LineMeaning(Kind.SECTION_END, text=text)
     return _NOTHING
 
 
-def _command(code: str) -> Event:
+def _command(code: str) -> LineMeaning:
     head = _NAME.match(code)
     name = head.group(0).upper().replace(" ", "") if head else code
     name = re.sub(r"^([GMT])0+(?=\d)", r"\1", name)
     rest = code[head.end() :].strip() if head else ""
     if name in ("G90", "G91", "M82", "M83"):
-        return Event(Kind.MODE, text=name)
+        return LineMeaning(Kind.MODE, text=name)
     if name == "M73" and re.fullmatch(r"[Ll]\s*\d+", rest):
-        return Event(Kind.LAYER_NOTE, "layer", code)  # the layer that Bambu's display shows
+        return LineMeaning(Kind.LAYER_NOTE, "layer", code)  # the layer that Bambu's display shows
     if name in ("G21", "M73") or (name == "G92" and re.fullmatch(r"[Ee]\s*[-+0-9.]*", rest)):
         return _NOTHING
     if name in ("G10", "G11") and not re.search(r"[PSRLX]", rest.upper()):
@@ -212,7 +212,7 @@ def _command(code: str) -> Event:
     if event := _object(name, code, rest):
         return event
     if name in _NUMBERS and _EXPONENT.search(rest):
-        return Event(Kind.UNREADABLE)
+        return LineMeaning(Kind.UNREADABLE)
     if name in _REPLACED and not (name == "M220" and re.search(r"[BR]", rest.upper())):
         return _replaced(name, code, rest)
     if name in _OF_TOOL:
@@ -222,17 +222,17 @@ def _command(code: str) -> Event:
     return _barrier(name, code, rest)
 
 
-def _object(name: str, code: str, rest: str) -> Event | None:
+def _object(name: str, code: str, rest: str) -> LineMeaning | None:
     if name == "EXCLUDE_OBJECT_START" or name == "M624":
-        return Event(Kind.STATE, "object", code)
+        return LineMeaning(Kind.STATE, "object", code)
     if name == "EXCLUDE_OBJECT_END" or name == "M625":
-        return Event(Kind.LEAVE, "object", code)
+        return LineMeaning(Kind.LEAVE, "object", code)
     if name == "M486":
         if rest.replace(" ", "").upper().startswith("S-1"):
-            return Event(Kind.LEAVE, "object", code)
+            return LineMeaning(Kind.LEAVE, "object", code)
         if rest.upper().startswith("S"):
-            return Event(Kind.STATE, "object", code)
-        return Event(Kind.LAYER_NOTE, "object", code)
+            return LineMeaning(Kind.STATE, "object", code)
+        return LineMeaning(Kind.LAYER_NOTE, "object", code)
     return None
 
 
@@ -251,38 +251,40 @@ def _selected(slot: str, selectors: str, params: Params) -> str:
     return f"{slot} {chosen[0]}" if chosen and chosen[0] not in ("", "0") else slot
 
 
-def _replaced(name: str, code: str, rest: str) -> Event:
+def _replaced(name: str, code: str, rest: str) -> LineMeaning:
     slot, selectors = _REPLACED[name]
     params = () if name == "M117" else _params(name, rest)
-    return Event(Kind.STATE, _selected(slot, selectors, params), code)
+    return LineMeaning(Kind.STATE, _selected(slot, selectors, params), code)
 
 
-def _merged(name: str, code: str, rest: str) -> Event:
+def _merged(name: str, code: str, rest: str) -> LineMeaning:
     slot, selectors = _MERGED[name]
     params = _params(name, rest)
     whole = code if name == "M593" else ""
     slot = _selected(slot, selectors, params)
-    return Event(Kind.STATE, slot, name, params or (("", ""),), whole=whole)
+    return LineMeaning(Kind.STATE, slot, name, params or (("", ""),), whole=whole)
 
 
-def _of_tool(name: str, code: str, rest: str) -> Event:
+def _of_tool(name: str, code: str, rest: str) -> LineMeaning:
     slot, selectors = _OF_TOOL[name]
     params = _params(name, rest)
     found = next(((key, value) for key, value in params if key in selectors), ("", ""))
     kept = tuple(word for word in params if word[0] not in selectors) or (("", ""),)
     tools = tuple(filter(None, found[1].split(":")))
-    return Event(Kind.STATE, slot, name, kept, tools, found[0], "" if len(tools) > 1 else code)
+    return LineMeaning(
+        Kind.STATE, slot, name, kept, tools, found[0], "" if len(tools) > 1 else code
+    )
 
 
-def _barrier(name: str, code: str, rest: str) -> Event:
+def _barrier(name: str, code: str, rest: str) -> LineMeaning:
     if name in _TEMPERATURE or (name == "G10" and "L" not in rest.upper()):
         tool = dict(_params(name, rest)).get("T", "")
         where = {"M104": "hotend", "M109": "hotend", "M140": "bed", "M190": "bed"}.get(name, name)
-        return Event(Kind.BARRIER, f"temperature {where}{tool}", "temperature change")
+        return LineMeaning(Kind.BARRIER, f"temperature {where}{tool}", "temperature change")
     if re.fullmatch(r"T-?\d+", name):
-        return Event(Kind.BARRIER, "tool", "tool change")
+        return LineMeaning(Kind.BARRIER, "tool", "tool change")
     known = re.fullmatch(r"[GMT]\d+(\.\d+)?", name) is not None
-    return Event(
+    return LineMeaning(
         Kind.BARRIER, "", _REASONS.get(name, "unknown command" if known else "unknown macro")
     )
 

@@ -74,12 +74,12 @@ def _scaled(value: bytes, ratio: float) -> bytes:
     left = ratio * sum(float(n) * unit for (n, _), unit in zip(parts, units, strict=True))
     places = _places(parts[-1][0])
     left = round(left / units[-1], places) * units[-1]
-    said = []
+    written = []
     for (number, _), unit in zip(parts[:-1], units[:-1], strict=True):
-        said.append(_as_written(left // unit, number))
+        written.append(_as_written(left // unit, number))
         left -= left // unit * unit
-    said.append(_as_written(left / units[-1], parts[-1][0]))
-    numbers = iter(said)
+    written.append(_as_written(left / units[-1], parts[-1][0]))
+    numbers = iter(written)
     return _PART.sub(lambda _: next(numbers), value)
 
 

@@ -39,7 +39,7 @@ class MeasuredBeads:
 
 
 @dataclass(frozen=True, slots=True)
-class _Shape:
+class _MoveShapes:
     """How the extruding moves run, (k,), and their contours, (n,)."""
 
     pushed: NDArray[np.float64]  # (k,) mm of filament; upright and on the spot what stays there
@@ -103,7 +103,7 @@ def _steps(level: NDArray[np.float64], flat: NDArray[np.bool_]) -> NDArray[np.fl
 
 def _shape_of(
     motion: Motion, runs: Runs, moves: NDArray[np.int64], offsets: NDArray[np.int64]
-) -> _Shape:
+) -> _MoveShapes:
     delta = np.diff(motion.points, axis=0)[moves]
     across = np.hypot(delta[:, 0], delta[:, 1]) > MOVED
     z = motion.points[moves + 1, 2]
@@ -113,11 +113,15 @@ def _shape_of(
     surplus = beyond_retracted(motion)[moves]
     pushed = np.where(across, motion.extrusion[moves], surplus)
     length = np.linalg.norm(delta, axis=1)
-    return _Shape(pushed, length, across, flat, np.where(flat, highest, lowest))
+    return _MoveShapes(pushed, length, across, flat, np.where(flat, highest, lowest))
 
 
 def _width_of(
-    shape: _Shape, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64], n: int
+    shape: _MoveShapes,
+    height: NDArray[np.float64],
+    filament_mm: float,
+    ids: NDArray[np.int64],
+    n: int,
 ) -> NDArray[np.float64]:
     """Return the mean width of each contour across the bed from its filament, per move."""
     area = np.pi * filament_mm**2 / 4.0
@@ -131,7 +135,7 @@ def _width_of(
 
 
 def _round_width(
-    shape: _Shape, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
+    shape: _MoveShapes, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Return the diameter of contours that go nowhere across the bed, per move.
 

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.controller.held import Key, keys_of
+from decmcts.formats.gcode.controller.held import WordKey, keys_of
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
 from decmcts.formats.gcode.reading.grouping import REFILLS, Parsed
 
 DOWN_MM = 1e-3  # heights nearer than that are one
-_WHOLE: Key = ("", "")  # what a command sets that is said whole
+_WHOLE: WordKey = ("", "")  # what a command sets that is said whole
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
@@ -43,10 +43,10 @@ def state_edges(
         used = np.unique([first[:, k], last[:, k]])
         if slot in DESCRIBES or slot.startswith(SILENT) or _can_be_left(track, slot, used):
             continue
-        said, grows = _growth(track, used)
+        sets, grows = _growth(track, used)
         if not grows.any():
             continue
-        begin, end = said[first[:, k]], said[last[:, k]]
+        begin, end = sets[first[:, k]], sets[last[:, k]]
         within = grows[begin, end]
         one_way |= within
         edge |= within  # set within this contour: it ends its epoch
@@ -86,15 +86,15 @@ def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
     The latter by number, [from, to]: nothing can be set back from what sets more. What another
     tool has left sets nothing of the one in use.
     """
-    said, numbers = np.zeros(len(track.table.values), np.int64), dict[frozenset[Key], int]()
+    sets, numbers = np.zeros(len(track.table.values), np.int64), dict[frozenset[WordKey], int]()
     for k in used.tolist():
         text = track.table.values[k]
-        keys = frozenset[Key]()
+        keys = frozenset[WordKey]()
         if k != UNSET and k not in track.left:
             keys = keys_of(text) if text.split(maxsplit=1)[0] in GROWING else frozenset([_WHOLE])
-        said[k] = numbers.setdefault(keys, len(numbers))
+        sets[k] = numbers.setdefault(keys, len(numbers))
     grows = [[bool(more - keys) for more in numbers] for keys in numbers]
-    return said, np.array(grows, np.bool_)
+    return sets, np.array(grows, np.bool_)
 
 
 def _mark_first_layer(edge: NDArray[np.bool_], parsed: Parsed, layer: NDArray[np.int32]) -> None:

@@ -39,7 +39,7 @@ _DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*(\d*+\.?\d*+)", re.I)
 HABIT_SHARE = 0.8  # of the long travels inside the part that must be bare
 LEAST_SEEN = 5  # of them, where no setting names the habit; of changes to a next layer, always
 LAYERS = 2.0  # layer heights a change to a next layer may climb
-_SAID = re.compile(rb"^; *(?:%b) *= *1" % either("bare_inside"), re.M)
+_BARE_INSIDE = re.compile(rb"^; *(?:%b) *= *1" % either("bare_inside"), re.M)
 
 
 def filament_diameter(text: bytes) -> float:
@@ -189,9 +189,9 @@ def _usual_acceleration(
 ) -> float:
     """Return the acceleration most travel is made with as commands set it, 0 for none."""
     track, stated = parsed.track, stated_limits(parsed.lines.text)
-    said = commanded(track.table, TRAVELLING, stated)[track.at(parsed.motion.line[travel])]
-    known = ~np.isnan(said)
-    return _usual(said[known], length[travel][known])
+    acceleration = commanded(track.table, TRAVELLING, stated)[track.at(parsed.motion.line[travel])]
+    known = ~np.isnan(acceleration)
+    return _usual(acceleration[known], length[travel][known])
 
 
 def _usual_pull(pulled: NDArray[np.float64]) -> float:
@@ -204,8 +204,8 @@ def _progress(parsed: Parsed) -> str:
     """Return which parameters of M73 occur between the first bead and the last."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     first, last = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
-    told = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
-    words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in told.tolist()})
+    rows = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
+    words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in rows.tolist()})
     return "".join(letter for letter in "PRQS" if letter.encode() in words)
 
 
@@ -284,7 +284,7 @@ def with_bare_travels(
     inside = long[bare_pairs(walls, np.inf, start[long], goal[long], climb_mm=most)]
     rise = goal[inside, 2] - start[inside, 2]
     climbs = rise > SAME_Z_MM
-    least = 1 if _SAID.search(text) else LEAST_SEEN
+    least = 1 if _BARE_INSIDE.search(text) else LEAST_SEEN
     longest = _longest(inside[~climbs], length, pulled, least)
     if longest == 0.0:
         return settings

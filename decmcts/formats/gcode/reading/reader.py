@@ -67,11 +67,13 @@ class Ending:
 
 
 @dataclass(frozen=True, slots=True)
-class _Parsed(Parsed):
+class _ParsedWithBeads(Parsed):
     beads: MeasuredBeads
 
 
-def _parse(path: Path | str, plate: int | None = None, text: bytes | None = None) -> _Parsed:
+def _parse(
+    path: Path | str, plate: int | None = None, text: bytes | None = None
+) -> _ParsedWithBeads:
     text = load_text(path, plate) if text is None else text
     lines = split_lines(text, path)
     motion = with_dots_apart(interpret(lines))
@@ -79,7 +81,7 @@ def _parse(path: Path | str, plate: int | None = None, text: bytes | None = None
     runs = find_runs(lines, motion, track)
     refuse_unsafe(lines, motion, runs)
     beads = measure_beads(Parsed(lines, motion, track, runs), filament_mm=filament_diameter(text))
-    return _Parsed(lines, motion, track, runs, beads)
+    return _ParsedWithBeads(lines, motion, track, runs, beads)
 
 
 def read_gcode(
@@ -119,7 +121,7 @@ def read_written(
     return job, ours, ours.moves, ending
 
 
-def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Ending:
+def _ending(parsed: _ParsedWithBeads, document: GcodeDocument, path: Path | str) -> Ending:
     due = [code for row in document.postamble.split(b"\n") if (code := command_of(row))]
     rows = parsed.lines.text.rstrip().split(b"\n")
     line = len(rows)
@@ -136,7 +138,7 @@ def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Endin
 
 
 def _print_of(
-    parsed: _Parsed, path: Path | str, plate: int | None = None
+    parsed: _ParsedWithBeads, path: Path | str, plate: int | None = None
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
@@ -161,22 +163,22 @@ def _print_of(
     )  # fmt: skip
     name = _PACKED.sub("", Path(path).name).rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
-    said = commanded(parsed.track.table, PRINTING, stated)[point_state]
-    unsaid = bool(np.isnan(said).all())
+    accelerations = commanded(parsed.track.table, PRINTING, stated)[point_state]
+    unstated = bool(np.isnan(accelerations).all())
     limits = _limits(parsed, first, stated)
-    if not unsaid:
-        limits = replace(limits, acceleration=float(np.nanmedian(said)))
+    if not unstated:
+        limits = replace(limits, acceleration=float(np.nanmedian(accelerations)))
     if settings.travel_acceleration > 0.0:
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text),
-        _notes(parsed, blocks, settings, point_arc), limits, None if unsaid else said,
+        _notes(parsed, blocks, settings, point_arc), limits, None if unstated else accelerations,
         _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
 
 
-def _refills(parsed: _Parsed, blocks: Blocks) -> tuple[int, ...]:
+def _refills(parsed: _ParsedWithBeads, blocks: Blocks) -> tuple[int, ...]:
     """Return the epochs that begin where the nozzle is fed anew, or may be, or stood still long."""
     barriers = parsed.track.barriers.items()
     lines = np.array([line for line, reason in barriers if reason in REFILLS], np.int64)
@@ -186,7 +188,7 @@ def _refills(parsed: _Parsed, blocks: Blocks) -> tuple[int, ...]:
     return tuple(fed.tolist())
 
 
-def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
+def _limits(parsed: _ParsedWithBeads, line: int, stated: MotionLimits) -> MotionLimits:
     """Return the limits the file states: its settings, and its commands above `line`."""
     row = state_limits(parsed.track.table, stated, stated)[int(parsed.track.at(line))]
     return limits_of(row)
@@ -203,7 +205,7 @@ def read_motions(path: Path | str, plate: int | None = None) -> Motions:
     return _motions_of(_parse(path, plate))
 
 
-def _motions_of(parsed: _Parsed) -> Motions:
+def _motions_of(parsed: _ParsedWithBeads) -> Motions:
     """Return the moves of a parsed file."""
     motion, contour = parsed.motion, parsed.runs.contour
     width, height = np.zeros(len(contour)), np.zeros(len(contour))
@@ -218,7 +220,7 @@ def _motions_of(parsed: _Parsed) -> Motions:
     )  # fmt: skip
 
 
-def _preamble_end(parsed: _Parsed) -> int:
+def _preamble_end(parsed: _ParsedWithBeads) -> int:
     """Return the first line of the print: below its marker and below any barrier there.
 
     Where the nozzle is primed after that, the first bead begins the print: what
@@ -233,7 +235,7 @@ def _preamble_end(parsed: _Parsed) -> int:
     return first if abs(pushed - owed) > PRIMED_MM else top
 
 
-def _towers(parsed: _Parsed) -> NDArray[np.bool_]:
+def _towers(parsed: _ParsedWithBeads) -> NDArray[np.bool_]:
     """Tell which contours belong to a tool change and keep their place in it."""
     line = parsed.motion.line[parsed.runs.first]
     sections = parsed.track.sections
@@ -245,7 +247,7 @@ def _towers(parsed: _Parsed) -> NDArray[np.bool_]:
 
 
 def _contours(
-    parsed: _Parsed, blocks: Blocks, one_way: NDArray[np.bool_]
+    parsed: _ParsedWithBeads, blocks: Blocks, one_way: NDArray[np.bool_]
 ) -> tuple[Contours, NDArray[np.int32], NDArray[np.int32]]:
     """Return the contours, and the state and the arc of each of their points."""
     motion, runs, beads = parsed.motion, parsed.runs, parsed.beads
@@ -326,7 +328,10 @@ def _slicer(text: bytes) -> str:
 
 
 def _notes(
-    parsed: _Parsed, blocks: Blocks, settings: ProcessSettings, point_arc: NDArray[np.int32]
+    parsed: _ParsedWithBeads,
+    blocks: Blocks,
+    settings: ProcessSettings,
+    point_arc: NDArray[np.int32],
 ) -> tuple[str, ...]:
     notes, span = [], parsed.motion.line[[parsed.runs.first[0], parsed.runs.last[-1]]]
     for lines, what in (

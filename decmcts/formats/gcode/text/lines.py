@@ -148,9 +148,9 @@ def further_axis(row: bytes) -> tuple[str, str]:
     """Return what is wrong with a move of a further axis, and what to do about it."""
     found = _AXIS.search(row.split(b";", 1)[0].decode("latin-1"))
     axis = found[0].upper() if found else "A"
-    taken_for, advice = next(said for letters, said in _AXES.items() if axis in letters)
-    said = f"a move has a word {axis}, taken for {taken_for}; only X, Y, Z and E are planned"
-    return said, advice
+    taken_for, advice = next(texts for letters, texts in _AXES.items() if axis in letters)
+    message = f"a move has a word {axis}, taken for {taken_for}; only X, Y, Z and E are planned"
+    return message, advice
 
 
 def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:

@@ -128,7 +128,7 @@ def with_runs(
     tool, was = job.contours.tool[order], job.contours.epoch[order]
     stretch = free.stretches(job, document)[order]
     epoch = np.empty(len(order), np.int32)
-    blocks, states = list[Block](), _Rows(document.states)
+    blocks, states = list[Block](), _StateRows(document.states)
     walls = {b.epoch: b for k, b in enumerate(document.blocks) if k not in free.blocks}
     stands = sorted(walls)
     begins = np.flatnonzero(np.diff(run, prepend=-1))
@@ -154,7 +154,7 @@ def with_runs(
     return job, replace(document, blocks=tuple(blocks), states=states.table())
 
 
-class _Rows:
+class _StateRows:
     """States of a source, and more that are made of them."""
 
     def __init__(self, table: StateTable) -> None:
@@ -178,7 +178,12 @@ class _Rows:
 
 
 def _placed(
-    change: Block, job: PrintJob, document: GcodeDocument, behind: int, states: _Rows, epoch: int
+    change: Block,
+    job: PrintJob,
+    document: GcodeDocument,
+    behind: int,
+    states: _StateRows,
+    epoch: int,
 ) -> Block:
     """Return a change as it stands behind a contour."""
     last = int(job.contours.offsets[behind + 1]) - 1

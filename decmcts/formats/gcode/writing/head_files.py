@@ -61,12 +61,12 @@ from decmcts.formats.gcode.writing.head_refusals import (
     refuse_points,
 )
 from decmcts.formats.gcode.writing.hot_ends import (
-    Hears,
-    HotEndTold,
+    HeatTaken,
+    HotEndTarget,
     early_heat,
+    heat_taken_by_heads,
     heats,
     source_heats,
-    told_to,
 )
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import OwnFilament, feeds_one_bead, own_lines
@@ -122,7 +122,7 @@ def write_head_gcode(
         refuse_points(points, plan)
     emitter = Emitter(document, job.settings, walls_for(job))
     waits = HeadWaits(emitter, points, machine.words, head_index, apart_s)
-    file = _HeadFile(emitter, waits, job, head, tool, own.idle)
+    file = _HeadFileWriter(emitter, waits, job, head, tool, own.idle)
     place = f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together"
     x, y, z = head.action_path(0)[0].tolist() if len(head) else own.park
     file.begin([*header_lines, place], (x, y, z))
@@ -132,7 +132,7 @@ def write_head_gcode(
     save_text(emitter.text(), out)
 
 
-class _HeadFile:
+class _HeadFileWriter:
     """The file of one head while it is written."""
 
     def __init__(
@@ -146,14 +146,14 @@ class _HeadFile:
         self.blocks = list(self.document.blocks)
         shared = tool is not None and len(np.unique(job.contours.tool)) > 1
         self.filament = OwnFilament(emitter, self.document, tool, shared=shared)
-        self.hears = told_to(self.document, job)
+        self.heat_taken = heat_taken_by_heads(self.document, job)
         self.beads = BeadRows.of(self.document, job)
         self.kinds: list[int] = head.kind.tolist()  # of the head's actions
         self.contours, self.epochs = head.contour.tolist(), job.contours.epoch.tolist()
         self.prints = set(self.contours)
         self.idle, self.practice = idle, idle.over(job.practice(tool))
         self.stands = stands_of(head, waits.head, job.contours.epoch, idle.after_s)
-        self.hot_end = HotEndTold()
+        self.hot_end = HotEndTarget()
         self.primed: list[bool] = primed_before(head, idle.after_s).tolist()
 
     def begin(self, header: Sequence[str], park: Point) -> None:
@@ -262,9 +262,11 @@ class _HeadFile:
             emitter.owe(end.owed, firmware=end.firmware_retracted)
         emitter.set_state(end.state)
         emitter.set_e(end.e)
-        told: Hears = "all" if self.hears == "all" else "off"
+        heat_taken: HeatTaken = "all" if self.heat_taken == "all" else "off"
         text = self.document.postamble
-        emitter.verbatim(self._own(text, relative_e=end.relative_e, tool=end.tool, told=told))
+        emitter.verbatim(
+            self._own(text, relative_e=end.relative_e, tool=end.tool, heat_taken=heat_taken)
+        )
         self.waits.pass_turn()
 
     def _cross(self, epoch: int) -> bool:
@@ -299,13 +301,13 @@ class _HeadFile:
 
     def _own(
         self, text: bytes, *, relative_e: bool, keep_homing: bool = False, tool: int = 0,
-        told: Hears | None = None, fed: bool = True,
+        heat_taken: HeatTaken | None = None, fed: bool = True,
     ) -> bytes:  # fmt: skip
         """Return lines as this controller needs them; `tool` is in use above them."""
         return own_lines(
             text, self.tool, selected=tool if self.filament.shared else None, fed=fed,
             keep_homing=keep_homing, relative_e=relative_e, newline=self.document.newline,
-            told=told or self.hears,
+            heat_taken=heat_taken or self.heat_taken,
         )  # fmt: skip
 
 

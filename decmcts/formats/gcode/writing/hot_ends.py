@@ -22,8 +22,9 @@ from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.job import PrintJob
 
-Hears = Literal["own", "off", "all"]  # temperatures for the selected tool: its head, or all heads
-OWN: Hears = "own"
+# Who takes temperatures for the selected tool: its own head; all heads; or all, if it is to be off.
+HeatTaken = Literal["own", "all", "off"]
+OWN: HeatTaken = "own"
 
 _COMMAND = re.compile(rb"^\s*M10([49])(?![0-9.])([^;(]*)", re.I)
 _VALUE = re.compile(rb"[SR]\s*(\d+\.?\d*|\.\d+)", re.I)
@@ -44,7 +45,7 @@ class HotEndCommand(NamedTuple):
     degrees: float | None = None  # None: the command has no number
 
 
-class Heard(NamedTuple):
+class GivenCommand(NamedTuple):
     """A command to a hot end, in the lines above an epoch."""
 
     epoch: int
@@ -53,8 +54,8 @@ class Heard(NamedTuple):
     command: HotEndCommand
 
 
-class HotEndTold:
-    """What the hot end of a file of one tool was told last, as its lines go by."""
+class HotEndTarget:
+    """How hot the hot end of a file of one tool is to be, as its lines go by."""
 
     def __init__(self) -> None:
         self._targets = Targets()
@@ -90,13 +91,13 @@ def hot_end_command(line: bytes) -> HotEndCommand | None:
     return HotEndCommand(match[1] == b"9", hot, None if tool is None else int(tool[1]), degrees)
 
 
-def hears(told: Hears, command: HotEndCommand | None) -> bool:
-    """Say whether a head is told a command while another tool is selected; None: any other."""
-    return command is None or told == "all" or (told == "off" and not command.heats)
+def is_taken(heat_taken: HeatTaken, command: HotEndCommand | None) -> bool:
+    """Say whether a head takes a command while another tool is selected; None: any other."""
+    return command is None or heat_taken == "all" or (heat_taken == "off" and not command.heats)
 
 
-def told_to(document: GcodeDocument, job: PrintJob) -> Hears:
-    """Return which temperatures that name no tool heads are told: their own tool's, or all."""
+def heat_taken_by_heads(document: GcodeDocument, job: PrintJob) -> HeatTaken:
+    """Return which temperatures that name no tool heads take: their own tool's, or all."""
     return "all" if _cold_tools(document, job) else OWN
 
 
@@ -115,8 +116,8 @@ def early_heat(text: bytes) -> list[str]:
     bed = [match[1] for match in of_bed if match is not None]
     hot = [match[2] for line in lines if (match := _COMMAND.match(line)) is not None]
     early = []
-    for code, said in (("M140", bed), ("M104", hot)):
-        values = [value[1].decode() for words in said if (value := _VALUE.search(words))]
+    for code, found in (("M140", bed), ("M104", hot)):
+        values = [value[1].decode() for words in found if (value := _VALUE.search(words))]
         first = next((value for value in values if float(value) > 0.0), None)
         early += [] if first is None else [f"{code} S{first} {EARLY}"]
     return early
@@ -124,7 +125,7 @@ def early_heat(text: bytes) -> list[str]:
 
 def source_heats(document: GcodeDocument) -> bool:
     """Say whether the source heats hot ends by commands at all."""
-    return any(heard.command.heats for heard in said_to_hot_ends(document))
+    return any(given.command.heats for given in hot_end_commands(document))
 
 
 def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
@@ -134,7 +135,7 @@ def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
     """
     for tool, word in _cold_tools(document, job).items():
         first, above = _first_epoch(job, tool), _heated(document, waits=word == "M109")
-        if not any(not heard.named and heard.epoch <= first for heard in above):
+        if not any(not given.named and given.epoch <= first for given in above):
             does = "waits for the heat of" if word == "M109" else "heats"
             raise InputError(
                 f"the source never {does} tool {tool} before it prints with it, and its head has a "
@@ -155,10 +156,10 @@ def _cold_tools(document: GcodeDocument, job: PrintJob) -> dict[int, str]:
         return {}
     for waits in (True, False):
         above = _heated(document, waits=waits)
-        if any(heard.epoch <= job.contours.epoch.min() for heard in above):
+        if any(given.epoch <= job.contours.epoch.min() for given in above):
             word, first = "M109" if waits else "M104", {t: _first_epoch(job, t) for t in tools}
-            heard = {each.tool for each in above if each.epoch <= first.get(each.tool, -1)}
-            return {tool: word for tool in tools if tool not in heard}
+            heated = {each.tool for each in above if each.epoch <= first.get(each.tool, -1)}
+            return {tool: word for tool in tools if tool not in heated}
     return {}
 
 
@@ -166,34 +167,34 @@ def _first_epoch(job: PrintJob, tool: int) -> int:
     return int(job.contours.epoch[job.contours.tool == tool].min())
 
 
-def _heated(document: GcodeDocument, *, waits: bool) -> list[Heard]:
+def _heated(document: GcodeDocument, *, waits: bool) -> list[GivenCommand]:
     """Return where the source heats hot ends, or with `waits` where it waits for them."""
-    every = said_to_hot_ends(document)
+    every = hot_end_commands(document)
     return [each for each in every if each.command.heats and each.command.waits == waits]
 
 
-def said_to_hot_ends(document: GcodeDocument) -> Iterator[Heard]:
-    """Yield what is said to hot ends above and between prints.
+def hot_end_commands(document: GcodeDocument) -> Iterator[GivenCommand]:
+    """Yield the commands to hot ends above and between prints.
 
-    Of what one tool's head alone is told behind the start code, what is for that tool, by name.
+    Of those to one tool's head alone, behind the start code, what is for that tool, by name.
     """
-    yield from said_in(document.preamble, 0)
+    yield from hot_end_commands_in(document.preamble, 0)
     for own in document.own_starts:
-        for heard in said_in(own.text, own.selected):
-            if own.tool == heard.tool:
-                yield heard._replace(named=True)
+        for given in hot_end_commands_in(own.text, own.selected):
+            if own.tool == given.tool:
+                yield given._replace(named=True)
     for block in document.blocks:
-        yield from said_in(block.text, block.begin.tool, block.epoch)
+        yield from hot_end_commands_in(block.text, block.begin.tool, block.epoch)
 
 
-def said_in(text: bytes, selected: int, epoch: int = 0) -> Iterator[Heard]:
+def hot_end_commands_in(text: bytes, selected: int, epoch: int = 0) -> Iterator[GivenCommand]:
     """Yield the commands to hot ends of some lines, above which a tool is selected."""
     for line in text.splitlines():
         if (tool := selected_by(line)) is not None:
             selected = tool
         elif command := hot_end_command(line):
             tool = selected if command.tool is None else command.tool
-            yield Heard(epoch, tool, command.tool is not None, command)
+            yield GivenCommand(epoch, tool, command.tool is not None, command)
 
 
 def unknown_row(text: bytes, quiet: re.Pattern[bytes]) -> tuple[int, str] | None:

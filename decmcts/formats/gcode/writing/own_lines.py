@@ -21,7 +21,13 @@ from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import commands_of, split_lines
 from decmcts.formats.gcode.writing.emitter import Emitter
-from decmcts.formats.gcode.writing.hot_ends import OWN, Hears, hears, hot_end_command, selected_by
+from decmcts.formats.gcode.writing.hot_ends import (
+    OWN,
+    HeatTaken,
+    hot_end_command,
+    is_taken,
+    selected_by,
+)
 
 MOVE = re.compile(rb"^\s*G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 FILAMENT = re.compile(rb"^\s*G0*(?:[01](?![0-9.])(?=[^;(]*E)|1[01](?![0-9.])(?![^;(]*L))", re.I)
@@ -165,7 +171,7 @@ def own_lines(
     keep_homing: bool,
     relative_e: bool,
     newline: bytes,
-    told: Hears = OWN,
+    heat_taken: HeatTaken = OWN,
     fed: bool = True,
 ) -> bytes:
     """Return lines as a head's controller needs them; what is left out stays as a comment.
@@ -178,8 +184,8 @@ def own_lines(
         The tool in use above the lines; None: the source has one tool, or the head prints none.
     relative_e : bool
         How E counts above the lines.
-    told : Hears
-        Of temperatures that name no tool, which the head is told while another is selected.
+    heat_taken : HeatTaken
+        Of temperatures that name no tool, which the head takes while another is selected.
     fed : bool
         Whether what moves filament alone is this head's.
     """
@@ -199,18 +205,18 @@ def own_lines(
             selected = None if selected is None else chosen
             kept.append(b"; left out, one tool: " + line)
         else:
-            kept.append(_for_own_tool(line, tool, told if others else None))
+            kept.append(_for_own_tool(line, tool, heat_taken if others else None))
     return b"".join(kept)
 
 
-def _for_own_tool(line: bytes, tool: int | None, told: Hears | None) -> bytes:
+def _for_own_tool(line: bytes, tool: int | None, heat_taken: HeatTaken | None) -> bytes:
     """Return a command without the tool it names, as a comment if that is another head's.
 
-    `told` is given where another tool is selected.
+    `heat_taken` is given where another tool is selected.
     """
     named = _FOR_TOOL.match(line)
     if named and (tool is None or int(named.group(2)) == tool):
         return named.group(1) + line[named.end() :]
-    if named or (told is not None and not hears(told, hot_end_command(line))):
+    if named or (heat_taken is not None and not is_taken(heat_taken, hot_end_command(line))):
         return b"; left out, another head's tool: " + line
     return line

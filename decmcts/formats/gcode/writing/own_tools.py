@@ -32,10 +32,10 @@ from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import (
     HELD,
     OWN,
+    heat_taken_by_heads,
     hot_end_command,
-    said_in,
-    said_to_hot_ends,
-    told_to,
+    hot_end_commands,
+    hot_end_commands_in,
     unknown_row,
 )  # fmt: skip
 from decmcts.formats.gcode.writing.parts import without_blocks
@@ -77,20 +77,24 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     changes = [block for block in document.blocks if _is_change(block)]
     if not changes:
         return "the source has no changes of tools that stand by themselves"
-    heat, said = _Heat.of(job, document), dict[int, str]()
+    heat, obstacles = _StatedHeat.of(job, document), dict[int, str]()
     epochs = [block.epoch for block in document.blocks]
     begins = np.searchsorted(job.contours.epoch, epochs).tolist()
     nets = _nets(job, document.moves, begins)
     for number, (block, begin) in enumerate(zip(document.blocks, begins, strict=True)):
         if what := _foreign(block) or heat.differs(block) or _left(block, nets.get(begin, 0.0)):
-            said[number] = what
-    left = {k for k, block in enumerate(document.blocks) if k not in said and _is_own(block)}
+            obstacles[number] = what
+    left = {k for k, block in enumerate(document.blocks) if k not in obstacles and _is_own(block)}
     count = sum(_is_change(document.blocks[k]) for k in left)
-    stays = [said[k] for k, block in enumerate(document.blocks) if k in said and _is_change(block)]
+    stays = [
+        obstacles[k]
+        for k, block in enumerate(document.blocks)
+        if k in obstacles and _is_change(block)
+    ]
     if not count:
         return stays[0]
     freed = _without(job, document, left, {begins[k]: k for k in sorted(left)}, nets)
-    if what := _Heat.of(freed.job, freed.document).unlike(heat, freed.job, job):
+    if what := _StatedHeat.of(freed.job, freed.document).unlike(heat, freed.job, job):
         return stays[0] if stays else what
     note = f"{count} change{'s' * (count != 1)} of tools are no walls"
     note += f", {len(stays)} stay: {stays[0]}" if stays else ""
@@ -129,7 +133,7 @@ def _left(block: Block, pushed: float) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class _Heat:
+class _StatedHeat:
     """How hot each tool is stated to be from which epoch on, and when it prints."""
 
     stated: dict[int, list[tuple[int, float | None]]]  # tool -> epoch and degrees, ascending
@@ -137,17 +141,17 @@ class _Heat:
     touched: dict[int, set[int]]  # epoch -> tools that its block heats or cools
 
     @staticmethod
-    def of(job: PrintJob, document: GcodeDocument) -> _Heat:
+    def of(job: PrintJob, document: GcodeDocument) -> _StatedHeat:
         tools = np.unique(job.contours.tool).tolist()
-        every = told_to(document, job) == "all"
+        every = heat_taken_by_heads(document, job) == "all"
         stated: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
         touched = dict[int, set[int]]()
-        for heard in said_to_hot_ends(document):
-            for tool in tools if every and not heard.named else [heard.tool]:
-                stated.setdefault(tool, []).append((heard.epoch, heard.command.degrees))
-                touched.setdefault(heard.epoch, set()).add(tool)
+        for given in hot_end_commands(document):
+            for tool in tools if every and not given.named else [given.tool]:
+                stated.setdefault(tool, []).append((given.epoch, given.command.degrees))
+                touched.setdefault(given.epoch, set()).add(tool)
         pairs = {t: np.unique(job.contours.epoch[job.contours.tool == t]).tolist() for t in tools}
-        return _Heat(stated, pairs, touched)
+        return _StatedHeat(stated, pairs, touched)
 
     def at(self, tool: int, epoch: int) -> float | None:
         """Return how hot a tool is told to be where it prints; None: nothing is known."""
@@ -166,7 +170,7 @@ class _Heat:
                 return f"tool {tool} is switched off in line {block.line}"
         return ""
 
-    def unlike(self, source: _Heat, job: PrintJob, theirs: PrintJob) -> str:
+    def unlike(self, source: _StatedHeat, job: PrintJob, theirs: PrintJob) -> str:
         """Return in words which tool would print at another temperature; empty: none."""
         pairs = np.stack([job.contours.tool, job.contours.epoch, theirs.contours.epoch], axis=1)
         for tool, here, there in np.unique(pairs, axis=0).tolist():
@@ -281,7 +285,7 @@ def _practices(
     deep: Mapping[int, float],
 ) -> tuple[tuple[int, Practice], ...]:  # fmt: skip
     """Return what the source does with each tool at the changes that are left out."""
-    found, own = [], told_to(document, job) == OWN  # else they share one hot end
+    found, own = [], heat_taken_by_heads(document, job) == OWN  # else they share one hot end
     for tool in np.unique(job.contours.tool).tolist():
         hot = [
             degrees
@@ -301,12 +305,12 @@ def _practices(
 def _last_stated(block: Block, tool: int) -> float | None:
     """Return what a block last tells a tool's hot end, degrees; None: nothing."""
     commands = b"\n".join(commands_of(block.text))
-    heard = [each for each in said_in(commands, block.begin.tool) if each.tool == tool]
-    return heard[-1].command.degrees if heard else None
+    given = [each for each in hot_end_commands_in(commands, block.begin.tool) if each.tool == tool]
+    return given[-1].command.degrees if given else None
 
 
 def _renamed(notes: tuple[str, ...], places: int) -> list[str]:
     """Return the notes with another number of places nothing is moved across."""
     rest = [note for note in notes if not _PLACES.match(note)]
-    said = f"{places} place{'s' * (places != 1)} nothing is moved across"
-    return [*rest, said] if places else rest
+    text = f"{places} place{'s' * (places != 1)} nothing is moved across"
+    return [*rest, text] if places else rest

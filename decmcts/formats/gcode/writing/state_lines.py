@@ -17,8 +17,8 @@ class StateLines:
     def __init__(self, document: GcodeDocument, say: Callable[[str], None]) -> None:
         self._table, self._say = document.states, say
         slots = document.states.slots
-        self._heard = [k for k, slot in enumerate(slots) if not slot.startswith(SILENT)]
-        self._ahead = [k for k in self._heard if slots[k] in BEFORE_TRAVEL]
+        self._written = [k for k, slot in enumerate(slots) if not slot.startswith(SILENT)]
+        self._ahead = [k for k in self._written if slots[k] in BEFORE_TRAVEL]
         self._ranks = [_rank(slot) for slot in slots]
         self._rows: dict[int, list[int]] = {}  # of states
         self._stated: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
@@ -39,7 +39,7 @@ class StateLines:
             self._arrive()
         if target == self._row:
             return
-        due = self._ahead if before_travel else self._heard
+        due = self._ahead if before_travel else self._written
         changed = [k for k in due if self._row[k] != target[k]]
         for k in changed:
             if text := table.leave[self._row[k]]:

@@ -158,8 +158,8 @@ def print_contour(
     traversal, or to the end of the arc a point lies in; it does not wipe
     back over the last of them, for other heads may be there by then.
     """
-    said = passed or {}
-    plain = beads.plain[contour] and not entry and not said
+    commands = passed or {}
+    plain = beads.plain[contour] and not entry and not commands
     way = None if plain else traversal(beads.job.contours, contour, entry)
     if way is None:
         points, state = beads.points(contour, is_reversed=is_reversed), beads.state[contour]
@@ -182,13 +182,13 @@ def print_contour(
         left = beads.left(contour, is_reversed=is_reversed) if emitter.relative_e else []
         emitter.plain(ends, left, beads.feed[contour])
     else:
-        _lay(emitter, beads.job, way, said, is_reversed=is_reversed)
-    emitter.tail = points[max(said, default=0) :][::-1]
+        _lay(emitter, beads.job, way, commands, is_reversed=is_reversed)
+    emitter.tail = points[max(commands, default=0) :][::-1]
     emitter.top = max(emitter.top, beads.top[contour])
 
 
 def _lay(
-    emitter: Emitter, job: PrintJob, way: Rotated, said: Mapping[int, str], *, is_reversed: bool
+    emitter: Emitter, job: PrintJob, way: Rotated, commands: Mapping[int, str], *, is_reversed: bool
 ) -> None:
     """Print along a traversal of a contour, segment by segment, and arc by arc where it has any."""
     step, document = -1 if is_reversed else 1, emitter.document
@@ -208,9 +208,9 @@ def _lay(
         else:
             until = k + 1
             emitter.move(tuple(points[until]), feed[k], filament[k])
-        for point in range(k + 1, until + 1) if said else ():
-            if point in said:
-                emitter.say(said[point])
+        for point in range(k + 1, until + 1) if commands else ():
+            if point in commands:
+                emitter.say(commands[point])
         k = until
 
 
@@ -318,10 +318,10 @@ class ProgressWriter:
             left = self._total - float(self._begin[action])
             for words in ("PR", "QS"):
                 if set(words) & set(self._words):
-                    emitter.say(f"M73 {self._said(words, percent, left)}")
+                    emitter.say(f"M73 {self._parameters(words, percent, left)}")
             self._shown = percent
 
-    def _said(self, words: str, percent: float, left_s: float) -> str:
+    def _parameters(self, words: str, percent: float, left_s: float) -> str:
         """Return the parameters of one mode, of those the source has."""
         share = self._silent if words == "QS" else 1.0
         values = (f"{percent:.0f}", f"{left_s * share / 60.0:.0f}")

@@ -14,7 +14,7 @@ from decmcts import PlannerName, Result, Search, plan, read, sample_path
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.print.plan import PlanDocument
 from sim.faults import Gap, Nearest, Verdict
-from sim.pictures.report import Told, write_report
+from sim.pictures.report import ReportDetails, write_report
 from tests.conftest import opened
 from tests.sim.conftest import stacked_plan
 
@@ -49,7 +49,9 @@ def cooling(tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanDocument, Pat
     path = tmp_path_factory.mktemp("report") / "heads.html"
     write_report(
         path, before=document, after=document, history=[(0.5, 150.0), (2.0, 130.0)],
-        told=Told("two.gcode", Verdict((), checked=("a rule",), nearest=NEAREST), graph),
+        details=ReportDetails(
+            "two.gcode", Verdict((), checked=("a rule",), nearest=NEAREST), graph
+        ),
     )  # fmt: skip
     return document, path
 

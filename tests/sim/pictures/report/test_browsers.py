@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, ElementHandle, Page
 
 from decmcts import Result
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
-from sim.pictures.report import Told, write_report
+from sim.pictures.report import ReportDetails, write_report
 from tests.conftest import opened
 
 pytestmark = pytest.mark.slow
@@ -37,7 +37,7 @@ def two_heads(make: SimpleNamespace, tmp_path: Path) -> Path:
     metrics: Any = {"one_head_s": 90.0, "bound": {"bound_s": 20.0}}
     write_report(
         tmp_path / "two.html", before=make.timed(before), after=replace(document, metrics=metrics),
-        history=[(0.0, 60.0), (2.0, 50.0)], told=Told("two.gcode"),
+        history=[(0.0, 60.0), (2.0, 50.0)], details=ReportDetails("two.gcode"),
     )  # fmt: skip
     return tmp_path / "two.html"
 
@@ -138,7 +138,9 @@ def test_it_fits_a_telephone(browser: Browser, cooling: tuple[PlanDocument, Path
                     plan=JointPlan(actions))  # fmt: skip
     path = cooling[1].with_name("long.html")
     notes = ["nothing moves across line 12: A_MACRO_" + "OF_MANY_WORDS_" * 6]
-    write_report(path, before=named, after=named, told=Told("long_" * 12 + ".gcode", notes=notes))
+    write_report(
+        path, before=named, after=named, details=ReportDetails("long_" * 12 + ".gcode", notes=notes)
+    )
     with opened(browser, path, viewport={"width": 360, "height": 740}) as page:
         page.evaluate("D.gantt.goto(D.gantt.longest()[0])")
         assert page.evaluate("document.documentElement.scrollWidth") <= 360

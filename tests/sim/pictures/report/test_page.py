@@ -14,7 +14,7 @@ import pytest
 from decmcts.planning.problem.exported import is_foreign
 from decmcts.print.plan import ActionKind
 from sim.pictures.drawings import draw_plan
-from sim.pictures.report import Told, write_report
+from sim.pictures.report import ReportDetails, write_report
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.page import LIBRARIES, PAGE, SCRIPTS, STYLES
 from tests.sim.pictures.report.unpacking import array_at, page_of
@@ -67,7 +67,7 @@ def test_names_cannot_break_the_page(make, tmp_path):
     evil = "</script><script>alert(1)</script>"
     actions = replace(document.plan.heads[0], head=evil)
     document = replace(document, plan=replace(document.plan, heads=(actions,)))
-    write_report(tmp_path / "r.html", before=document, after=document, told=Told(evil))
+    write_report(tmp_path / "r.html", before=document, after=document, details=ReportDetails(evil))
     assert evil not in (tmp_path / "r.html").read_text(encoding="utf-8")
     assert page_of(tmp_path / "r.html")["plans"][1]["heads"][0]["name"] == evil
 
