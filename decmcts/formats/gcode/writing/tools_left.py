@@ -1,0 +1,205 @@
+"""A source of several tools as those heads print it that are left, each with one tool.
+
+Where one tool is left, its head's own text is the text of the print: what the source says to other
+tools is left out, as in the files of heads (`own_lines`), and so are changes of tools. What another
+tool should have printed may be printed with it: such a contour keeps its place, filament and feed.
+Fans, and settings of the tool in use, are for it as the source has them for the tool it is printed
+with, in the nearest layer, of the same role if there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.dialects.dialect import OF_TOOL
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.text.lines import command_of, commands_of
+from decmcts.formats.gcode.writing.hot_ends import OWN, Hears, hot_end_command, told_to
+from decmcts.formats.gcode.writing.own_lines import own_lines
+from decmcts.formats.gcode.writing.own_tools import Freed, Heat, with_own_tools
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+
+Source = tuple[PrintJob, GcodeDocument]
+
+
+def with_tool_left(
+    job: PrintJob, document: GcodeDocument, tool: int, other: Mapping[int, int]
+) -> Source:  # fmt: skip
+    """Return a source of several tools as the head of one prints its part of it.
+
+    Parameters
+    ----------
+    other : Mapping[int, int]
+        Tools whose contours are printed with this one; contours of all others stay what they are,
+        and are not to be printed.
+
+    Raises
+    ------
+    InputError
+        Where `other` names tools, and changes of tools are not understood, or the tool would print
+        at a temperature that the source never prints with it at.
+    """
+    freed = with_own_tools(job, document)
+    if isinstance(freed, str) or freed.walls:
+        if not other:
+            return job, document
+        why = freed if isinstance(freed, str) else freed.why
+        raise InputError(
+            f"what another tool should print cannot be printed with tool {tool}: {why}",
+            path=document.path,
+        )
+    contours = printed_with(freed.job.contours, other)
+    states, point_state = _as_its_own(freed, other)
+    text = _Text(document, tool, other, told_to(document, job))
+    alone = replace(
+        text.of(freed), states=states, point_state=point_state, own_starts=()
+    )  # fmt: skip
+    found = replace(freed.job, contours=contours, practices=())
+    _refuse_other_heat(found, alone, tool, (job, document))
+    return found, alone
+
+
+def printed_with(contours: Contours, other: Mapping[int, int]) -> Contours:
+    """Return contours with the tools they are printed with, by the other tool of a tool."""
+    tool = contours.tool.copy()
+    for due, has in other.items():
+        tool[contours.tool == due] = has
+    return replace(contours, tool=tool)
+
+
+class _Text:
+    """The text of a source for the head of one tool."""
+
+    def __init__(
+        self, document: GcodeDocument, tool: int, other: Mapping[int, int], told: Hears
+    ) -> None:  # fmt: skip
+        self.document, self.tool, self.other, self.told = document, tool, other, told
+
+    def of(self, freed: Freed) -> GcodeDocument:
+        """Return the document of that head alone."""
+        document, own = self.document, freed.document.own_start(self.tool)
+        start = document.start if own is None else own.end
+        preamble = document.preamble + (b"" if own is None else own.text)
+        lines = self._own(preamble, 0, relative_e=False, keep_homing=True)
+        if not start.relative_e:  # what lines that are left out have led E to
+            lines += b"G92 E%.5f" % start.e + document.newline
+        blocks = (self._block(block) for block in freed.document.blocks)
+        end, told = document.end, self.told
+        told = told if told == "all" else "off"
+        postamble = self._own(document.postamble, end.tool, relative_e=end.relative_e, told=told)
+        return replace(
+            freed.document, preamble=self._selecting(lines), postamble=postamble,
+            start=replace(start, tool=self.tool), end=self._cursor(end),
+            blocks=tuple(block for block in blocks if block is not None),
+        )  # fmt: skip
+
+    def _block(self, block: Block) -> Block | None:
+        """Return a block as the head has it; None: it has nothing of it."""
+        begin, text = block.begin, block.text
+        if begin.tool in self.other and self.told == OWN:  # the other tool's temperature
+            rows = text.splitlines(keepends=True)
+            text = b"".join(row for row in rows if not _heats_in_use(row))
+        selected = self.other.get(begin.tool, begin.tool)
+        lines = self._own(text, selected, relative_e=begin.relative_e)
+        if not commands_of(lines):
+            return None
+        end = self._cursor(block.end)
+        end = replace(end, feed=-1.0) if block.moves else end
+        return replace(block, text=lines, begin=self._cursor(begin), end=end, moves=False)
+
+    def _own(
+        self, text: bytes, selected: int, *, relative_e: bool, keep_homing: bool = False,
+        told: Hears | None = None,
+    ) -> bytes:  # fmt: skip
+        return own_lines(
+            text, self.tool, selected=selected, keep_homing=keep_homing, relative_e=relative_e,
+            newline=self.document.newline, told=told or self.told,
+        )  # fmt: skip
+
+    def _cursor(self, cursor: Cursor) -> Cursor:
+        """Return where the head's controller stands; what another tool has retracted is not its."""
+        if self.other.get(cursor.tool, cursor.tool) == self.tool:
+            return replace(cursor, tool=self.tool)
+        return replace(cursor, tool=self.tool, owed=0.0, pulled=0.0, firmware_retracted=False)
+
+    def _selecting(self, preamble: bytes) -> bytes:
+        """Return start code that selects the tool above its first command."""
+        if not self.tool:
+            return preamble
+        rows = preamble.splitlines(keepends=True)
+        at = next((k for k, row in enumerate(rows) if command_of(row)), len(rows))
+        return b"".join([*rows[:at], b"T%d" % self.tool + self.document.newline, *rows[at:]])
+
+
+def _heats_in_use(row: bytes) -> bool:
+    """Tell whether a line says how hot the tool in use is to be, without naming it."""
+    command = hot_end_command(command_of(row))
+    return command is not None and command.tool is None
+
+
+def _as_its_own(freed: Freed, other: Mapping[int, int]) -> tuple[StateTable, NDArray[np.int32]]:
+    """Return the states, and that of each point, with fans and settings of the tool in use."""
+    document, contours = freed.document, freed.job.contours
+    table, states = document.states, document.point_state.copy()
+    its = [k for k, slot in enumerate(table.slots) if slot.startswith("fan") or slot in OF_TOOL]
+    rows = list(map(tuple, table.rows.tolist()))
+    known = {row: k for k, row in enumerate(rows)}
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    for due, has in other.items() if its else ():
+        like = _nearest(contours, due, has)
+        points = np.flatnonzero(contours.tool[owner] == due)
+        models = document.point_state[contours.offsets[like[owner[points]]] + 1]
+        pairs, place = np.unique(
+            np.stack([document.point_state[points], models], axis=1), axis=0, return_inverse=True
+        )
+        found = []
+        for state, model in pairs.tolist():
+            row = table.rows[state].copy()
+            row[its] = table.rows[model][its]
+            key = tuple(row.tolist())
+            if key not in known:
+                known[key] = len(rows)
+                rows.append(key)
+            found.append(known[key])
+        states[points] = np.array(found, np.int32)[place.ravel()]
+    return replace(table, rows=np.array(rows, np.int32).reshape(-1, len(table.slots))), states
+
+
+def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:
+    """Return for each contour of tool `due` one of tool `has` that is most like it, (n,).
+
+    In the nearest layer, of the same role if there is one.
+    """
+    kinds = np.stack([contours.layer, contours.role], axis=1).astype(np.int64)
+    theirs = np.flatnonzero(contours.tool == has)
+    known, first = np.unique(kinds[theirs], axis=0, return_index=True)
+    like = np.full(len(contours), -1, np.int64)
+    mine = np.flatnonzero(contours.tool == due)
+    asked, place = np.unique(kinds[mine], axis=0, return_inverse=True)
+    best = [
+        int(np.argmin(2 * np.abs(known[:, 0] - layer) + (known[:, 1] != role)))
+        for layer, role in asked.tolist()
+    ]
+    like[mine] = theirs[first[np.array(best, np.int64)]][place.ravel()]
+    return like
+
+
+def _refuse_other_heat(job: PrintJob, document: GcodeDocument, tool: int, source: Source) -> None:
+    """Raise InputError where a tool would print as hot as the source never has it."""
+    heat, was = Heat.of(job, document), Heat.of(*source)
+    mine = source[0].contours.tool == tool
+    due = {was.at(tool, epoch) for epoch in np.unique(source[0].contours.epoch[mine]).tolist()}
+    for epoch in np.unique(job.contours.epoch[job.contours.tool == tool]).tolist():
+        if (degrees := heat.at(tool, epoch)) not in due:
+            known = ", ".join(f"{one:g}" for one in sorted(filter(None, due)))
+            raise InputError(
+                f"tool {tool} would print at {degrees or 0.0:g} degrees, in the source it does at "
+                f"{known or 'none that is known'}",
+                path=document.path,
+            )
