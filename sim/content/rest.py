@@ -53,7 +53,9 @@ def check_rest(
     match[_is_other(ours, due, match)] = NO_MATCH
     begun = np.flatnonzero(match == NO_MATCH)
     match[begun] = _parts_of(ours.at(begun), due, np.setdiff1d(np.arange(len(due.ends)), match))
-    lines = [f"{ours.text(i)} is none of the print" for i in np.flatnonzero(match == NO_MATCH)]
+    lines = [
+        f"{ours.text(i)} is none of the print" for i in np.flatnonzero(match == NO_MATCH).tolist()
+    ]
     faults = listed(FaultKind.EXTRUSION, lines[:LIMIT], total=len(lines))
     found = np.flatnonzero(match != NO_MATCH)
     mine = rest.tool[ours.place[found]].astype(np.int64)
@@ -94,8 +96,10 @@ def _parts_of(ours: Segments, due: Segments, free: Ints) -> Ints:
                 far = due.ends[row, 3:] if near < len(free) else due.ends[row, :3]
                 share = _share(shared, cut, far)
                 same = abs(share * due.extrusion[row] - filament) <= E_TOLERANCE_MM
-                if row not in taken and same and abs(ours.feed[i] - due.feed[row]) <= (
-                    FEED_TOLERANCE_MM_S
+                if (
+                    row not in taken
+                    and same
+                    and abs(ours.feed[i] - due.feed[row]) <= (FEED_TOLERANCE_MM_S)
                 ):
                     found[i] = row
         if found[i] != NO_MATCH:
@@ -117,5 +121,5 @@ def _printed_again(every: Segments, due: Segments, match: Ints, n: int) -> list[
     before = np.flatnonzero(match[n:] == NO_MATCH) + n
     alone = match_segments(every.at(np.arange(n, len(match))), due)[before - n]
     again = before[alone != NO_MATCH]
-    lines = [f"{every.text(i)} was printed before" for i in again[:LIMIT]]
+    lines = [f"{every.text(i)} was printed before" for i in again[:LIMIT].tolist()]
     return listed(FaultKind.DOUBLED, lines, total=len(again))

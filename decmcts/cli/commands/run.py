@@ -128,8 +128,9 @@ def run(
     document = read_plan(plan)
     other = other_tools(print_with or [], document.machine, document.contours)
     if other and source is None:
-        raise InputError("without the source nothing is printed with another tool",
-                         advice="add --source FILE")
+        raise InputError(
+            "without the source nothing is printed with another tool", advice="add --source FILE"
+        )
     options = RunOptions(
         speed, timing, error, seed, queue, loss, delay, replan_time, left_beads,
         tuple(other.items()),

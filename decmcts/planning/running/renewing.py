@@ -95,9 +95,7 @@ def renew(begin: Begin, options: RunOptions, hand_over: Callable[[News], None]) 
             search = TeamSearch(options.replan_s, options.seed, cut=cut)
             result = replan(rest, search, rules_of(begin.document), writes=False)
             left_out, lines = int(rest.left.rows.sum()), tuple(rest.unfinished)
-            hand_over(
-                Renewed(begin, result.document, rest.source, left_out, lines, rest.others)
-            )
+            hand_over(Renewed(begin, result.document, rest.source, left_out, lines, rest.others))
         except (InputError, VerificationError) as error:
             hand_over(NotRenewed(begin, " ".join(str(error).split()), parked))
         except Exception as error:  # whatever it is, heads must not wait for it for ever

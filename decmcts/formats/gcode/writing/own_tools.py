@@ -139,6 +139,7 @@ class Heat:
 
     @staticmethod
     def of(job: PrintJob, document: GcodeDocument) -> Heat:
+        """Find it, line by line."""
         tools = np.unique(job.contours.tool).tolist()
         every = told_to(document, job) == "all"
         stated: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}

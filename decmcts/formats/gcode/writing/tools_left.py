@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import OF_TOOL
-from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import OWN, Hears, hot_end_command, told_to
 from decmcts.formats.gcode.writing.own_lines import own_lines
@@ -55,13 +55,11 @@ def with_tool_left(
             path=document.path,
         )
     contours = printed_with(freed.job.contours, other)
-    states, point_state = _as_its_own(freed, other)
-    text = _Text(document, tool, other, told_to(document, job))
-    alone = replace(
-        text.of(freed), states=states, point_state=point_state, own_starts=()
-    )  # fmt: skip
+    states = _States(freed, other)
+    alone = _Text(freed, document, tool, other, states, told_to(document, job)).alone()
     found = replace(freed.job, contours=contours, practices=())
-    _refuse_other_heat(found, alone, tool, (job, document))
+    if other:
+        _refuse_other_heat(found, alone, tool, (job, document))
     return found, alone
 
 
@@ -77,27 +75,31 @@ class _Text:
     """The text of a source for the head of one tool."""
 
     def __init__(
-        self, document: GcodeDocument, tool: int, other: Mapping[int, int], told: Hears
+        self, freed: Freed, document: GcodeDocument, tool: int, other: Mapping[int, int],
+        states: _States, told: Hears,
     ) -> None:  # fmt: skip
-        self.document, self.tool, self.other, self.told = document, tool, other, told
+        self.freed, self.document, self.tool, self.other = freed, document, tool, other
+        self.states, self.told = states, told
+        self.own = np.flatnonzero(printed_with(freed.job.contours, other).tool == tool)
 
-    def of(self, freed: Freed) -> GcodeDocument:
+    def alone(self) -> GcodeDocument:
         """Return the document of that head alone."""
-        document, own = self.document, freed.document.own_start(self.tool)
+        document, own = self.document, self.freed.document.own_start(self.tool)
         start = document.start if own is None else own.end
         preamble = document.preamble + (b"" if own is None else own.text)
         lines = self._own(preamble, 0, relative_e=False, keep_homing=True)
         if not start.relative_e:  # what lines that are left out have led E to
             lines += b"G92 E%.5f" % start.e + document.newline
-        blocks = (self._block(block) for block in freed.document.blocks)
+        blocks = (self._block(block) for block in self.freed.document.blocks)
         end, told = document.end, self.told
         told = told if told == "all" else "off"
         postamble = self._own(document.postamble, end.tool, relative_e=end.relative_e, told=told)
-        return replace(
-            freed.document, preamble=self._selecting(lines), postamble=postamble,
-            start=replace(start, tool=self.tool), end=self._cursor(end),
-            blocks=tuple(block for block in blocks if block is not None),
+        found = replace(
+            self.freed.document, preamble=self._selecting(lines), postamble=postamble,
+            start=replace(start, tool=self.tool), end=self._cursor(end, len(self.own)),
+            blocks=tuple(block for block in blocks if block is not None), own_starts=(),
         )  # fmt: skip
+        return self.states.put_into(found)
 
     def _block(self, block: Block) -> Block | None:
         """Return a block as the head has it; None: it has nothing of it."""
@@ -109,9 +111,11 @@ class _Text:
         lines = self._own(text, selected, relative_e=begin.relative_e)
         if not commands_of(lines):
             return None
-        end = self._cursor(block.end)
+        epochs = self.freed.job.contours.epoch[self.own]
+        behind = int(np.searchsorted(epochs, block.epoch))
+        begin, end = self._cursor(begin, behind), self._cursor(block.end, behind)
         end = replace(end, feed=-1.0) if block.moves else end
-        return replace(block, text=lines, begin=self._cursor(begin), end=end, moves=False)
+        return replace(block, text=lines, begin=begin, end=end, moves=False)
 
     def _own(
         self, text: bytes, selected: int, *, relative_e: bool, keep_homing: bool = False,
@@ -122,11 +126,19 @@ class _Text:
             newline=self.document.newline, told=told or self.told,
         )  # fmt: skip
 
-    def _cursor(self, cursor: Cursor) -> Cursor:
-        """Return where the head's controller stands; what another tool has retracted is not its."""
-        if self.other.get(cursor.tool, cursor.tool) == self.tool:
-            return replace(cursor, tool=self.tool)
-        return replace(cursor, tool=self.tool, owed=0.0, pulled=0.0, firmware_retracted=False)
+    def _cursor(self, cursor: Cursor, behind: int) -> Cursor:
+        """Return where the head's controller stands; what another tool has retracted is not its.
+
+        `behind` counts the head's contours above.
+        """
+        if cursor.tool == self.tool:
+            return cursor
+        like = int(self.own[min(behind, len(self.own) - 1)])
+        state = self.states.of(cursor.state, self.states.begins(like))
+        cursor, used = replace(cursor, tool=self.tool, state=state), cursor.tool
+        if self.other.get(used) == self.tool:
+            return cursor
+        return replace(cursor, owed=0.0, pulled=0.0, firmware_retracted=False)
 
     def _selecting(self, preamble: bytes) -> bytes:
         """Return start code that selects the tool above its first command."""
@@ -143,32 +155,46 @@ def _heats_in_use(row: bytes) -> bool:
     return command is not None and command.tool is None
 
 
-def _as_its_own(freed: Freed, other: Mapping[int, int]) -> tuple[StateTable, NDArray[np.int32]]:
-    """Return the states, and that of each point, with fans and settings of the tool in use."""
-    document, contours = freed.document, freed.job.contours
-    table, states = document.states, document.point_state.copy()
-    its = [k for k, slot in enumerate(table.slots) if slot.startswith("fan") or slot in OF_TOOL]
-    rows = list(map(tuple, table.rows.tolist()))
-    known = {row: k for k, row in enumerate(rows)}
-    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
-    for due, has in other.items() if its else ():
-        like = _nearest(contours, due, has)
-        points = np.flatnonzero(contours.tool[owner] == due)
-        models = document.point_state[contours.offsets[like[owner[points]]] + 1]
-        pairs, place = np.unique(
-            np.stack([document.point_state[points], models], axis=1), axis=0, return_inverse=True
-        )
-        found = []
-        for state, model in pairs.tolist():
-            row = table.rows[state].copy()
-            row[its] = table.rows[model][its]
-            key = tuple(row.tolist())
-            if key not in known:
-                known[key] = len(rows)
-                rows.append(key)
-            found.append(known[key])
-        states[points] = np.array(found, np.int32)[place.ravel()]
-    return replace(table, rows=np.array(rows, np.int32).reshape(-1, len(table.slots))), states
+class _States:
+    """States of a source, where fans and settings of the tool in use are another tool's."""
+
+    def __init__(self, freed: Freed, other: Mapping[int, int]) -> None:
+        document, self.contours = freed.document, freed.job.contours
+        self.table, self.point_state = document.states, document.point_state.copy()
+        slots = document.states.slots
+        self._its = [k for k, s in enumerate(slots) if s.startswith("fan") or s in OF_TOOL]
+        self._rows = list(map(tuple, document.states.rows.tolist()))
+        self._known = {row: k for k, row in enumerate(self._rows)}
+        owner = np.repeat(np.arange(len(self.contours)), np.diff(self.contours.offsets))
+        for due, has in other.items():
+            like = _nearest(self.contours, due, has)
+            points = np.flatnonzero(self.contours.tool[owner] == due)
+            models = document.point_state[self.contours.offsets[like[owner[points]]] + 1]
+            pairs = np.stack([document.point_state[points], models], axis=1)
+            pairs, place = np.unique(pairs, axis=0, return_inverse=True)
+            found = [self.of(*pair) for pair in pairs.tolist()]
+            self.point_state[points] = np.array(found, np.int32)[place.ravel()]
+
+    def of(self, state: int, model: int) -> int:
+        """Return the state that is like one, but for what goes with a tool: that is the model's."""
+        row = list(self._rows[state])
+        for k in self._its:
+            row[k] = self._rows[model][k]
+        key = tuple(row)
+        if key not in self._known:
+            self._known[key] = len(self._rows)
+            self._rows.append(key)
+        return self._known[key]
+
+    def begins(self, contour: int) -> int:
+        """Return the state in which a contour begins."""
+        return int(self.point_state[self.contours.offsets[contour] + 1])
+
+    def put_into(self, document: GcodeDocument) -> GcodeDocument:
+        """Return a document with these states."""
+        rows = np.array(self._rows, np.int32).reshape(-1, len(self.table.slots))
+        states = replace(self.table, rows=rows)
+        return replace(document, states=states, point_state=self.point_state)
 
 
 def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:
