@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,13 @@ from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.verifying.held import AS_STATED, Held
-from decmcts.planning.verifying.judge import is_whole_team, judge, judge_several, refuse_plate
+from decmcts.planning.verifying.judge import (
+    is_whole_team,
+    judge,
+    judge_rest,
+    judge_several,
+    refuse_plate,
+)
 from decmcts.print.machine import Machine
 from sim.faults import Verdict
 
@@ -27,6 +34,7 @@ def verify(
     trials: int = 3,
     seed: int = 0,
     without_tower: bool = False,
+    rest_of: str | Path | None = None,
     report: Report = unheard,
 ) -> Verdict:
     """Replay a plan or finished G-code, by logic that shares nothing with the planners'.
@@ -51,6 +59,8 @@ def verify(
         Seed of these timings.
     without_tower : bool
         Whether the source's wipe tower was to be left out.
+    rest_of : str | Path | None
+        Of the rest of a print, with its source: the plan that was broken off.
     report : Report
         Told what is done.
 
@@ -83,6 +93,9 @@ def verify(
     options: dict[str, Any] = {"seed": seed, "trials": trials, "plate": plate}
     options["without_tower"] = without_tower
     refuse_plate(plate, [*files, *([] if given is None else [given])])
+    of_rest = () if rest_of is None else judge_rest(made_from or files[0], given, Path(rest_of))
     if len(files) > 1 or made_from is not None or is_whole_team(files[0], plate):
-        return judge_several(files, given, made_from, machine, held, **options)
-    return judge(files[0], given, machine, held, report=report, **options)
+        verdict = judge_several(files, given, made_from, machine, held, **options)
+    else:
+        verdict = judge(files[0], given, machine, held, report=report, **options)
+    return replace(verdict, faults=(*verdict.faults, *of_rest))

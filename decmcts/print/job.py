@@ -105,6 +105,7 @@ class PrintJob:
     fenced: Fenced | None = None  # heads that stand in the way and print no more
     practices: tuple[tuple[int, Practice], ...] = ()  # of tools, what the source does with them
     # between two uses, where each head has one tool
+    print_with: tuple[tuple[int, int], ...] = ()  # of a rest: tools, and those that print for them
 
     __repr__ = brief("name", "slicer", "contours", "barriers", "notes")
 

@@ -161,5 +161,7 @@ class PlanDocument:
     # own; None: it does not say
     printed: Contours | None = None  # what stands on the bed before the plan begins
     fenced: Fenced | None = None  # heads that stand in the way and print no more
+    print_with: tuple[tuple[int, int], ...] = ()  # of a rest: tools of the print it is left of, and
+    # those that print for them, as a person has allowed
 
     __repr__ = brief("problem", "machine.name", "contours", "plan", "rules")

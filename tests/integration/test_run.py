@@ -27,6 +27,8 @@ from decmcts.print.print_state import state_of_events
 from tests.makers.printed import printed_twice
 from tests.planning.replanning.conftest import Made
 from tests.planning.replanning.conftest import made as _made
+from tests.planning.replanning.test_other_tools import made_of
+from tests.planning.writing.test_own_tools import two_bars
 
 made = _made  # the fixture
 pytestmark = pytest.mark.slow
@@ -134,6 +136,20 @@ def test_the_rest_is_printed_by_the_others(made: Made, fault: str, head: str) ->
     assert_printed(made, result)
     if len(result.plans) > 1:
         assert failure.on_s >= failure.fenced_s >= failure.at_s
+
+
+def test_another_tool_prints_for_a_dead_heads(tmp_path: Path) -> None:
+    """All is finished where a person has allowed it, and what is of which tool is said."""
+    folder = tmp_path / "tools"
+    folder.mkdir()
+    made = made_of(Path(two_bars(folder)), folder, (1, 0))
+    options = RunOptions(SPEED, replan_s=0.5, print_with=((0, 1),))
+    result = Trial(FAULTS["clogged"], 60.0).run(made, options)
+    assert len(result.plans) > 1, "it failed too late"
+    assert_printed(made, result)
+    (words,) = result.others
+    assert words.endswith("of tool 0 are printed with tool 1's filament")
+    assert not Trial(FAULTS["clogged"], 60.0).run(made, replace(options, print_with=())).complete
 
 
 def nobody_enters(result: RunResult) -> None:

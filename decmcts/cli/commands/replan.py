@@ -24,6 +24,7 @@ from decmcts.planning.events import Step
 from decmcts.planning.options import Cut, Limits, TeamSearch
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads
+from decmcts.planning.replanning.other_tools import other_tools, refuse_unfit
 from decmcts.planning.replanning.replan import Rest, rest_of, rules_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
@@ -90,6 +91,16 @@ SlowerOption = Annotated[
         help="A head that takes so many times as long as planned; may be given more than once",
     ),
 ]
+PrintWithOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--print-with",
+        rich_help_panel=opt.BASICS,
+        metavar="TOOL=OTHER",
+        help="What a tool should print that no living head has, another prints with its filament; "
+        "may be given more than once",
+    ),
+]
 LeftOption = Annotated[
     LeftBeads,
     typer.Option(
@@ -119,6 +130,7 @@ def replan(
     height: HeightOption = None,
     fenced: FencedOption = None,
     slower: SlowerOption = None,
+    print_with: PrintWithOption = None,
     left_beads: LeftOption = LeftBeads.LEAVE,
     output: StemOption = None,
     plan_file: opt.PlanOption = None,
@@ -140,13 +152,15 @@ def replan(
     state = _state(document, events, layer, height)
     places = fenced_places(fenced or [], document.machine, state, seen=events is not None)
     late = late_heads(slower or [], document.machine)
+    other = other_tools(print_with or [], document.machine, document.contours)
+    refuse_unfit(other, document.machine, list(places))
     cut = Cut.NONE if document.rules is None else Cut(document.rules.cut)
     search = TeamSearch(time_limit, seed, cut=cut)
     with running(time_limit_s=time_limit, table=heads_table) as (show, stop):
         found = read(
             source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=show
         )  # fmt: skip
-        rest = rest_of(document, found, state, places, left_beads, show, late)
+        rest = rest_of(document, found, state, places, left_beads, show, late, other)
         result = plan_rest(
             rest, search, rules_of(document), writes=stem is not None, report=show, stop=stop
         )  # fmt: skip
@@ -206,6 +220,7 @@ def _show(
         state = {
             "contours": whole, "printed": rest.done, "left_out": left,
             "broken_off": len(rest.broken), "heads": live,
+            "print_with": {str(due): has for due, has in rest.print_with},
         }  # fmt: skip
         print_json("decmcts-result/1", {**figures(result, paths), "replanned": state})
         return

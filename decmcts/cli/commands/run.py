@@ -17,7 +17,7 @@ from rich.table import Table
 from agents.messages.event_stream import stream_of
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.commands.replan import LeftOption
+from decmcts.cli.commands.replan import LeftOption, PrintWithOption
 from decmcts.cli.commands.simulate import ErrorOption, QueueOption, TimingOption
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
@@ -26,6 +26,7 @@ from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Event, Note, Step
 from decmcts.planning.options import Limits
 from decmcts.planning.read import read
+from decmcts.planning.replanning.other_tools import differences, other_tools
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.options import Failure, RunOptions, RunView
 from decmcts.planning.running.run import RunResult
@@ -100,6 +101,7 @@ def run(
     loss: LossOption = 0.0,
     delay: DelayOption = 0.0,
     replan_time: ReplanOption = 5.0,
+    print_with: PrintWithOption = None,
     left_beads: LeftOption = LeftBeads.FINISH,
     events: EventsOption = None,
     report: opt.ReportOption = None,
@@ -123,14 +125,24 @@ def run(
     refuse_unwritable([events, report], plan, *([] if source is None else [source]))
     refuse_stdout(events, "--events")
     refuse_other_suffixes(None, report, None)
-    options = RunOptions(speed, timing, error, seed, queue, loss, delay, replan_time, left_beads)
     document = read_plan(plan)
+    other = other_tools(print_with or [], document.machine, document.contours)
+    if other and source is None:
+        raise InputError(
+            "without the source nothing is printed with another tool", advice="add --source FILE"
+        )
+    options = RunOptions(
+        speed, timing, error, seed, queue, loss, delay, replan_time, left_beads,
+        tuple(other.items()),
+    )  # fmt: skip
     if source is not None and is_mesh(source):
         raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")
     with steps() as told:
         found = None if source is None else read(
             source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=told
         )  # fmt: skip
+        if found is not None:
+            differences(found, other)  # refused now, not when a head has failed
         with _Watch(shown=watch) as window:
 
             def passed_on(event: Event) -> None:
@@ -267,6 +279,7 @@ def figures(result: RunResult) -> dict[str, Any]:
         ],
         "contacts": result.contacts,
         "not_finished": list(result.left),
+        "other_tools": list(result.others),
         "reason": result.reason,
     }  # fmt: skip
 
@@ -282,7 +295,7 @@ def show(result: RunResult) -> None:
     out.print(f"{done:,} of {result.contours:,} contours printed")
     for failure in result.failures:
         out.print(_failed(failure), soft_wrap=True)
-    for line in (*result.left, *([result.reason] if result.reason else [])):
+    for line in (*result.others, *result.left, *([result.reason] if result.reason else [])):
         out.print(line, soft_wrap=True)
     for head, name in enumerate(result.names):
         mine = [wait for wait in result.waits if wait.head == head]

@@ -33,6 +33,15 @@ MadeFromOption = Annotated[
         help="Of files of several heads: the plan.json they were made from",
     ),
 ]
+RestOfOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--rest-of",
+        rich_help_panel=opt.BASICS,
+        metavar="PLAN.json",
+        help="Of what `replan` left: the plan that was broken off, of which it must be a part",
+    ),
+]
 TrialsOption = Annotated[
     int,
     typer.Option(
@@ -58,6 +67,7 @@ def verify(
     result: ResultArgument,
     source: SourceOption = None,
     plan: MadeFromOption = None,
+    rest_of: RestOfOption = None,
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     process_order: opt.HeldProcessOption = None,
@@ -79,7 +89,7 @@ def verify(
     with steps() as told:
         verdict = judge(
             result, source, machine, plan=plan, plate=plate, held=held, seed=seed, trials=trials,
-            without_tower=without_tower, report=told,
+            without_tower=without_tower, rest_of=rest_of, report=told,
         )  # fmt: skip
     show(verdict, ", ".join(map(str, result)), as_json=as_json, verbose=verbose)
     if verdict.faults:

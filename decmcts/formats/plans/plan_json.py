@@ -12,6 +12,7 @@ from __future__ import annotations
 import gc
 import io
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, fields
@@ -49,9 +50,11 @@ _COOLING = "min_layer_time_s"  # may be left out
 _RULES = "rules"  # likewise
 _PRINTED = "printed"  # likewise
 _FENCED = "fenced"  # likewise
+_PRINT_WITH = "print_with"  # likewise
 _CUTS = ("none", "inside", "all")
 _CHOICES = {"process_order": ("keep", "free"), "freedom": ("fixed", "reversible", "seam")}
-_MOST_LAYERS = 2**31
+_MOST_LAYERS, _MOST_TOOLS = 2**31, 2**15
+_TOOL = re.compile(r"[0-9]{1,5}", re.ASCII)
 
 
 def write_plan(document: PlanDocument, path: Path | str) -> None:
@@ -93,6 +96,8 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
             "machine": machine_to_dict(whole),
             "at": {k: list(v) for k, v in at.items()},
         }
+    if document.print_with:
+        head[_PRINT_WITH] = {str(due): has for due, has in document.print_with}
     file.write(_dump(head)[:-1] + b',\n"contours":[')
     rows = contours_to_dicts(document.contours, document.machine, document.acceleration)
     _write_lines(file, rows)
@@ -144,7 +149,7 @@ def read_plan(path: Path | str) -> PlanDocument:
     if type(version) is not int or version not in _READ:
         known = " or ".join(map(str, _READ))
         given.fail("version", f"{shown(version)} is not {known}")
-    given.only(*_KEYS, _COOLING, _RULES, _PRINTED, _FENCED)
+    given.only(*_KEYS, _COOLING, _RULES, _PRINTED, _FENCED, _PRINT_WITH)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
     tables = given.tables("contours")
     contours = contours_from_dicts(tables, machine)
@@ -160,6 +165,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         acceleration_from_dicts(tables, contours),
         _printed(given, machine),
         _fenced(given, machine),
+        _print_with(given),
     )
 
 
@@ -192,6 +198,18 @@ def _fenced(given: Fields, machine: Machine) -> Fenced | None:
             places.fail(str(name), f"is none of the heads that print no more ({', '.join(known)})")
     at = {str(name): cast(Point, places.point(str(name), 3)) for name in places.values}
     return Fenced(whole, at)
+
+
+def _print_with(given: Fields) -> tuple[tuple[int, int], ...]:
+    """Return the tools that print for others, as pairs of the other and the one that prints."""
+    if _PRINT_WITH not in given.values:
+        return ()
+    table = given.table(_PRINT_WITH)
+    for key in table.values:
+        if not _TOOL.fullmatch(str(key)):
+            table.fail(str(key), "is no tool", "tools are numbers, as in T0")
+    pairs = ((int(key), table.integer(key, least=0, below=_MOST_TOOLS)) for key in table.values)
+    return tuple(sorted(pairs))
 
 
 def _rules(table: Fields) -> OrderRules:

@@ -67,6 +67,7 @@ def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanD
         problem.job.accelerations,
         problem.job.printed,
         problem.job.fenced,
+        problem.job.print_with,
     )  # fmt: skip
 
 

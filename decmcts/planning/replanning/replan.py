@@ -17,18 +17,21 @@ from numpy.typing import NDArray
 from agents.launch import launch as launch_agents
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.gcode import read_gcode, write_gcode
+from decmcts.formats.gcode import GcodeDocument, read_gcode, write_gcode
 from decmcts.formats.gcode.writing.parts import Stretch, with_stretches
+from decmcts.formats.gcode.writing.tools_left import printed_with, with_tool_left
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import crew_started
 from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
-from decmcts.planning.problem.own_tools import team_problem
+from decmcts.planning.problem.own_tools import one_tool_each, team_problem
+from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.living import living_machine, slowed
+from decmcts.planning.replanning.other_tools import OPTION, differences, needed
 from decmcts.planning.replanning.rest import (
     Broken,
     LeftBeads,
@@ -51,6 +54,8 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.space import able_heads
 from decmcts.team.schedule.joint_plan import schedule
+from sim.content.rest import check_rest
+from sim.faults import Verdict
 
 ROUNDED_MM, ROUNDED_E_MM = 1.5e-3, 1e-4  # of what is written and read back
 HOMES = (
@@ -68,6 +73,8 @@ class Rest:
     broken: tuple[Broken, ...]
     done: int  # contours of the plan that are printed, or broken off
     missing: str = ""  # what no living head can finish, in words
+    print_with: tuple[tuple[int, int], ...] = ()  # tools, and those that print for them
+    others: tuple[str, ...] = ()  # what is printed with another tool, in words
 
     __repr__ = brief("source", "done", "broken", "missing")
 
@@ -78,7 +85,7 @@ class Rest:
             f"{_broke(one)}: its last {one.missing_mm:.1f} mm are printed"
             for one in self.broken if self._is_finished(one)
         ]  # fmt: skip
-        return [*self.unfinished, *finished]
+        return [*self.others, *self.unfinished, *finished]
 
     @property
     def unfinished(self) -> list[str]:
@@ -105,6 +112,7 @@ def rest_of(
     left_beads: LeftBeads = LeftBeads.LEAVE,
     report: Report = unheard,
     slower: Mapping[str, float] | None = None,
+    print_with: Mapping[int, int] | None = None,
 ) -> Rest:
     """Return what is left of a print.
 
@@ -118,14 +126,19 @@ def rest_of(
         Heads that print no more, and where they stand.
     slower : Mapping[str, float] | None
         Heads that were seen to be late, and how many times as long as planned they take.
+    print_with : Mapping[int, int] | None
+        Tools, and those that print for them where no living head has them (`other_tools`).
 
     Raises
     ------
     InputError
-        For another source, where no head lives, and where nothing is left that one can print.
+        For another source, where no head lives, where nothing is left that one can print, and
+        where another tool cannot print for one.
+    VerificationError
+        Where what is written of the rest is not what is left of the print.
     """
     job = source.job
-    refuse_other(document, job)
+    refuse_other(document, job, source.document)
     broken = broken_beads(document, job, state, left_beads)
     left_open = ~state.done
     left_open[[one.contour for one in broken if one.rest]] = True
@@ -134,23 +147,51 @@ def rest_of(
         whole, at = document.fenced.machine, {**document.fenced.at, **at}
     whole = slowed(whole, slower or {})
     machine = living_machine(whole, at, document.contours)
-    left = left_out(document, left_open, _able(document, job, machine))
-    stretches = _to_print(document, job, left_open & ~left.rows, broken)
+    other = needed(print_with or {}, machine, document.contours)
+    left = left_out(document, left_open, _able(document, job, machine, other))
+    rows = left_open & ~left.rows
+    stretches = _to_print(document, job, rows, broken)
     if not stretches:
         raise InputError(left.stated(document.contours) or "nothing is left to print")
-    anew = _written(source, machine, stretches, report)
+    others = _with_others(document, source, rows, other)
+    anew = _written(source, machine, stretches, other, report)
     printed = printed_contours(document, state, broken)
+    pairs = tuple(other.items()) if others else ()
     alone = replace(
-        anew.job, name=job.name, printed=printed, fenced=Fenced(whole, at) if at else None
-    )
+        anew.job, name=job.name, printed=printed, fenced=Fenced(whole, at) if at else None,
+        print_with=pairs,
+    )  # fmt: skip
+    require_passed(Verdict(tuple(check_rest(alone.contours, printed, document, dict(pairs)))))
     done, missing = int(state.done.sum()), left.stated(document.contours)
-    return Rest(replace(anew, job=alone), left, tuple(broken), done, missing)
+    return Rest(replace(anew, job=alone), left, tuple(broken), done, missing, pairs, tuple(others))
 
 
-def _able(document: PlanDocument, job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
-    """Tell which contours of a plan some head of a machine can print, (n,)."""
-    whole = replace(job, contours=document.contours, acceleration=None)
+def _able(
+    document: PlanDocument, job: PrintJob, machine: Machine, other: Mapping[int, int]
+) -> NDArray[np.bool_]:
+    """Tell which contours of a plan some head of a machine can print, (n,).
+
+    `other` has the tools that are printed with others.
+    """
+    contours = printed_with(document.contours, other)
+    whole = replace(job, contours=contours, acceleration=None)
     return np.asarray(able_heads(whole, machine).any(axis=1))
+
+
+def _with_others(
+    document: PlanDocument, source: Source, rows: NDArray[np.bool_], other: Mapping[int, int]
+) -> list[str]:  # fmt: skip
+    """Return in words what of these contours is printed with other tools, (n,) `rows`."""
+    tool, found = document.contours.tool[rows], list[str]()
+    for due, has in other.items():
+        count = len(np.unique(document.contours.sources[rows][tool == due]))
+        if count:
+            found.append(
+                f"{count} contour{'s' * (count != 1)} of tool {due} "
+                f"{'are' if count != 1 else 'is'} printed with tool {has}'s filament"
+            )
+            found += differences(source, {due: has})
+    return found
 
 
 def _to_print(
@@ -165,11 +206,28 @@ def _to_print(
 
 
 def _written(
-    source: Source, machine: Machine, stretches: Sequence[Stretch], report: Report
+    source: Source, machine: Machine, stretches: Sequence[Stretch], other: Mapping[int, int],
+    report: Report,
 ) -> Source:  # fmt: skip
-    """Write stretches in the order of their source, and return that as it is read back."""
+    """Write stretches in the order of their source, and return that as it is read back.
+
+    Where one tool is left, as its head's own file has it, if that reads as these stretches.
+    """
     report(Step("writing what is left as a print of its own"))
-    job, document = with_stretches(source.job, source.document, stretches)
+    job, document = _of_tools(source, machine, stretches, other)
+    try:
+        return _written_so(source, machine, job, document, stretches)
+    except InputError:
+        if other or document is source.document:
+            raise
+    return _written_so(source, machine, source.job, source.document, stretches)
+
+
+def _written_so(
+    source: Source, machine: Machine, job: PrintJob, document: GcodeDocument,
+    stretches: Sequence[Stretch],
+) -> Source:  # fmt: skip
+    job, document = with_stretches(job, document, stretches)
     folder, n = SlicedFolder(), len(stretches)
     draft = folder.path / "rest.gcode"
     none = DependencyGraph.from_pairs(n, np.empty((0, 2), np.int32))
@@ -184,6 +242,26 @@ def _written(
     )  # fmt: skip
 
 
+def _of_tools(
+    source: Source, machine: Machine, stretches: Sequence[Stretch], other: Mapping[int, int]
+) -> tuple[PrintJob, GcodeDocument]:  # fmt: skip
+    """Return the source with the tools that print these stretches."""
+    job, document = source.job, source.document
+    if not one_tool_each(machine, job.contours):
+        return job, document
+    of = np.array([stretch.of for stretch in stretches])
+    tools = np.unique(printed_with(job.contours, other).tool[of]).tolist()
+    if len(tools) == 1:
+        return with_tool_left(job, document, tools[0], other)
+    if other:
+        left = " and ".join(map(str, tools))
+        raise InputError(
+            f"{OPTION}: what is left is for tools {left}, and this is done for one tool alone yet",
+            advice="leave it away: the heads that live print what is for their own tools",
+        )
+    return job, document
+
+
 def _refuse_altered(source: Source, due: PrintJob, found: PrintJob) -> None:
     """Raise InputError unless what was read back is what was to be written."""
     same = np.array_equal(due.contours.offsets, found.contours.offsets)
@@ -191,6 +269,7 @@ def _refuse_altered(source: Source, due: PrintJob, found: PrintJob) -> None:
         off = np.abs(due.contours.points - found.contours.points).max(initial=0.0)
         more = np.abs(due.contours.extrusion - found.contours.extrusion).max(initial=0.0)
         same = off <= ROUNDED_MM and more <= ROUNDED_E_MM
+        same = same and np.array_equal(due.contours.tool, found.contours.tool)
     if not same:
         raise InputError(
             "what is left reads as other contours once it is written, so it is not planned",
@@ -255,5 +334,8 @@ def rest_problem(rest: Rest, rules: Rules, report: Report = unheard) -> PrintPro
     problem, whole = team_problem(rest.source, rules, report), rest.source.job
     notes = (*problem.job.notes, *rest.lines, HOMES)
     # A safe order that was made anew has lost what stands on the bed.
-    job = replace(problem.job, printed=whole.printed, fenced=whole.fenced, notes=notes)
+    job = replace(
+        problem.job, printed=whole.printed, fenced=whole.fenced, print_with=whole.print_with,
+        notes=notes,
+    )  # fmt: skip
     return replace(problem, job=job)

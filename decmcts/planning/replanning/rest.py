@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.writing.parts import Stretch
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
@@ -19,7 +20,8 @@ from decmcts.print.loops import traversal
 from decmcts.print.loops_kernels import Rotated
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, length_of, rest_of_line
-from sim.content.pieces import parted_source
+from sim.content.pieces import epochs_of_source, parted_source
+from sim.heads.changes import as_planned
 
 GRID = 3  # decimals of a file
 
@@ -41,8 +43,11 @@ class Broken:
     rest: tuple[Stretch, ...] = ()  # what is printed of it yet; none: it is left
 
 
-def refuse_other(document: PlanDocument, job: PrintJob) -> None:
-    """Raise InputError where the source is not the print of a plan."""
+def refuse_other(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> None:
+    """Raise InputError where the source is not the print of a plan.
+
+    Changes of tools that the plan has not are none of the source either.
+    """
     ours, theirs = document.contours, job.contours
     cut = "none" if document.rules is None else document.rules.cut
     if ours.of is None:
@@ -52,7 +57,9 @@ def refuse_other(document: PlanDocument, job: PrintJob) -> None:
         same = same and np.array_equal(ours.tool, theirs.tool)
     else:
         same = len(theirs) == int(ours.sources.max(initial=-1)) + 1
-        same = same and not parted_source(ours, job, cut).faults
+        if same:
+            as_cut, _ = as_planned(epochs_of_source(ours), job, text)
+            same = not parted_source(ours, as_cut, cut).faults
     if not same:
         raise InputError(
             f"the source is not the print of this plan ({len(theirs)} contours; the plan has "

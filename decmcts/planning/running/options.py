@@ -31,6 +31,8 @@ class RunOptions:
         Time limit of the heads' search for what is left.
     left_beads : LeftBeads
         What becomes of a bead that was broken off.
+    print_with : tuple[tuple[int, int], ...]
+        Tools, and those that print for them once no living head has them.
     """
 
     speed: float = 1.0
@@ -42,6 +44,7 @@ class RunOptions:
     delay_s: float = 0.0
     replan_s: float = 5.0
     left_beads: LeftBeads = LeftBeads.FINISH
+    print_with: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
         for name, value, least, most in (

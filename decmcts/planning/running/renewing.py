@@ -62,6 +62,7 @@ class Renewed:
     source: Source  # it alone, from which it may be planned once more
     left_out: int  # contours that no living head can finish
     lines: tuple[str, ...]  # what is missing
+    others: tuple[str, ...] = ()  # what is printed with another tool
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +84,9 @@ def renew(begin: Begin, options: RunOptions, hand_over: Callable[[News], None]) 
         parked = False
         try:
             rest = rest_of(
-                begin.document, begin.source, begin.state, begin.fenced, options.left_beads
-            )
+                begin.document, begin.source, begin.state, begin.fenced, options.left_beads,
+                print_with=dict(options.print_with),
+            )  # fmt: skip
             parking = parking_plan(begin.document, begin.whole, begin.standing, begin.obstacles)
             if parking is not None:
                 hand_over(Parking(begin, parking))
@@ -93,7 +95,7 @@ def renew(begin: Begin, options: RunOptions, hand_over: Callable[[News], None]) 
             search = TeamSearch(options.replan_s, options.seed, cut=cut)
             result = replan(rest, search, rules_of(begin.document), writes=False)
             left_out, lines = int(rest.left.rows.sum()), tuple(rest.unfinished)
-            hand_over(Renewed(begin, result.document, rest.source, left_out, lines))
+            hand_over(Renewed(begin, result.document, rest.source, left_out, lines, rest.others))
         except (InputError, VerificationError) as error:
             hand_over(NotRenewed(begin, " ".join(str(error).split()), parked))
         except Exception as error:  # whatever it is, heads must not wait for it for ever
@@ -124,6 +126,7 @@ class Renewal:
     reason: str = ""  # why the rest is not planned
     left: list[str] = field(default_factory=list)  # what is not finished, in words
     left_out: int = 0  # contours that no living head could finish
+    others: list[str] = field(default_factory=list)  # what is printed with another tool, in words
     _is_holding: bool = False
     _begin: Begin | None = None  # of the plan that is being made
 
@@ -166,6 +169,9 @@ class Renewal:
         self.reason = ""
         self.left += [line for line in news.lines if line not in self.left]
         self.left_out += news.left_out
+        self.others += news.others
+        for line in news.others:
+            self.team.report(Note(line))
         carried = self.team.announce(news.document, is_print=True)
         self.sources[carried.number] = news.source
         for failure in self.team.failures:

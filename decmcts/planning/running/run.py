@@ -40,6 +40,8 @@ class RunResult:
         What is not finished, in words.
     reason : str
         Why the rest was not planned, if it was not.
+    others : tuple[str, ...]
+        What was planned to be printed with another tool, in words.
     """
 
     names: tuple[str, ...]
@@ -54,6 +56,7 @@ class RunResult:
     waits: tuple[RecordedWait, ...]
     left: tuple[str, ...]
     reason: str
+    others: tuple[str, ...] = ()
 
     __repr__ = brief(
         "names", "plans", "makespan_s", "planned_s", "contours", "unprinted", "left", "reason"
@@ -117,7 +120,7 @@ def run(
     if not document.plan.heads:
         raise InputError("the plan has no head")
     if source is not None:
-        refuse_other(document, source.job)
+        refuse_other(document, source.job, source.document)
     if asked is None:
         asked = queue.Queue()
         asked.put(None)
@@ -135,5 +138,5 @@ def run(
         team.unprinted + renewal.left_out, tuple(team.failures), dict(team.moved),
         nearest(document.machine, names, plans, team.moved, end_s),
         tuple(wait for carried in plans for wait in waits_of(carried)), tuple(renewal.left),
-        renewal.reason,
+        renewal.reason, tuple(renewal.others),
     )  # fmt: skip

@@ -368,6 +368,9 @@ CONTOUR = ("contours", 1)
         (("fenced",), {"at": {}}, "fenced.machine: missing"),
         (("fenced",), {"machine": {}, "at": {}}, "fenced.machine"),
         (("fenced",), {"machine": FENCED, "at": {"left": [1, 2, 3]}}, "fenced.at.left: is none"),
+        (("print_with",), [[0, 1]], "print_with: expected a table"),
+        (("print_with",), {"left": 1}, "print_with.left: is no tool"),
+        (("print_with",), {"0": -1}, "print_with.0: expected an integer"),
         (("fenced",), {"machine": FENCED, "at": {"third": [1, 2]}}, "fenced.at.third"),
     ],
 )

@@ -219,6 +219,13 @@ def test_a_rest_is_replanned_again(made: Made, alone: Any, agents: Any, tmp_path
     assert not left & printed and left | printed | missing == laid(contours)
 
 
+def test_what_is_left_has_no_first_layer(made: Made) -> None:
+    """It lies on what is printed: nothing keeps its lowest layer together before all others."""
+    rest = rest_of(made.document, made.source, state_of_layers(made.document, 2), {})
+    contours = rest.source.job.contours
+    assert len(np.unique(contours.layer)) == 5 and len(np.unique(contours.epoch)) == 1
+
+
 def test_another_source_is_refused(made: Made) -> None:
     """One line, before anything is planned."""
     state = state_of_layers(made.document, 3)

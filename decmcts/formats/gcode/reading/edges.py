@@ -17,6 +17,7 @@ from decmcts.formats.gcode.controller.held import WordKey, keys_of
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
+from decmcts.formats.gcode.reading.beads import MeasuredBeads
 from decmcts.formats.gcode.reading.grouping import REFILLS, Parsed
 
 DOWN_MM = 1e-3  # heights nearer than that are one
@@ -27,7 +28,7 @@ Ints = NDArray[np.int64]
 
 
 def state_edges(
-    parsed: Parsed, layer: NDArray[np.int32]
+    parsed: Parsed, beads: MeasuredBeads
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the contours an epoch begins at, and those that set something first, (n,) bool.
 
@@ -38,7 +39,7 @@ def state_edges(
     edge, one_way = np.zeros(len(runs), np.bool_), np.zeros(len(runs), np.bool_)
     first = track.table.rows[track.at(motion.line[runs.first])]
     last = track.table.rows[track.at(motion.line[runs.last])]
-    _mark_first_layer(edge, parsed, layer)
+    _mark_first_layer(edge, parsed, beads)
     for k, slot in enumerate(track.table.slots):
         used = np.unique([first[:, k], last[:, k]])
         if slot in DESCRIBES or slot.startswith(SILENT) or _can_be_left(track, slot, used):
@@ -97,18 +98,22 @@ def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
     return sets, np.array(grows, np.bool_)
 
 
-def _mark_first_layer(edge: NDArray[np.bool_], parsed: Parsed, layer: NDArray[np.int32]) -> None:
+def _mark_first_layer(edge: NDArray[np.bool_], parsed: Parsed, beads: MeasuredBeads) -> None:
     """Mark in place where the second layer begins, if cooling is another there.
 
-    Not where the print comes down again to the first, for the next of several parts.
+    Not where the print comes down again to the first, for the next of several parts, nor where the
+    first does not lie on the bed, as in what is left of a print.
     """
-    motion, runs, track = parsed.motion, parsed.runs, parsed.track
+    motion, runs, track, layer = parsed.motion, parsed.runs, parsed.track, beads.layer
     later = np.flatnonzero(layer > 0)
     fans = [k for k, slot in enumerate(track.table.slots) if slot.startswith("fan")]
     if not len(later) or not later[0] or not fans:
         return
     z = motion.points[runs.last + 1, 2]
     if (layer[later[0] :] == 0).any() or z[later[0] :].min() < z[: later[0]].max() + DOWN_MM:
+        return
+    low = int(np.argmin(z[: later[0]]))
+    if z[low] - beads.height[low] > beads.height[low] - DOWN_MM:  # a layer fits below it
         return
     moves = np.flatnonzero(runs.contour >= 0)
     state, below = track.at(motion.line[moves]), runs.contour[moves] < later[0]

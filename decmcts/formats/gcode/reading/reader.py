@@ -143,7 +143,7 @@ def _print_of(
     """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
-    edges, one_way = state_edges(parsed, parsed.beads.layer)
+    edges, one_way = state_edges(parsed, parsed.beads)
     gaps = gaps_of(parsed)
     blocks = find_blocks(parsed, gaps, edges=edges, towers=towers)
     contours, point_state, point_arc = _contours(parsed, blocks, one_way)

@@ -65,6 +65,7 @@ class Freed:
     document: GcodeDocument
     count: int  # changes that are no walls
     walls: int  # changes that stay
+    why: str = ""  # the first of them does
 
 
 def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
@@ -77,7 +78,7 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     changes = [block for block in document.blocks if _is_change(block)]
     if not changes:
         return "the source has no changes of tools that stand by themselves"
-    heat, obstacles = _StatedHeat.of(job, document), dict[int, str]()
+    heat, obstacles = StatedHeat.of(job, document), dict[int, str]()
     epochs = [block.epoch for block in document.blocks]
     begins = np.searchsorted(job.contours.epoch, epochs).tolist()
     nets = _nets(job, document.moves, begins)
@@ -94,12 +95,12 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     if not count:
         return stays[0]
     freed = _without(job, document, left, {begins[k]: k for k in sorted(left)}, nets)
-    if what := _StatedHeat.of(freed.job, freed.document).unlike(heat, freed.job, job):
+    if what := StatedHeat.of(freed.job, freed.document).unlike(heat, freed.job, job):
         return stays[0] if stays else what
     note = f"{count} change{'s' * (count != 1)} of tools are no walls"
     note += f", {len(stays)} stay: {stays[0]}" if stays else ""
     job = replace(freed.job, notes=(*freed.job.notes, note))
-    return replace(freed, job=job, count=count, walls=len(stays))
+    return replace(freed, job=job, count=count, walls=len(stays), why=stays[0] if stays else "")
 
 
 def _is_change(block: Block) -> bool:
@@ -133,7 +134,7 @@ def _left(block: Block, pushed: float) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class _StatedHeat:
+class StatedHeat:
     """How hot each tool is stated to be from which epoch on, and when it prints."""
 
     stated: dict[int, list[tuple[int, float | None]]]  # tool -> epoch and degrees, ascending
@@ -141,7 +142,8 @@ class _StatedHeat:
     touched: dict[int, set[int]]  # epoch -> tools that its block heats or cools
 
     @staticmethod
-    def of(job: PrintJob, document: GcodeDocument) -> _StatedHeat:
+    def of(job: PrintJob, document: GcodeDocument) -> StatedHeat:
+        """Find it, line by line."""
         tools = np.unique(job.contours.tool).tolist()
         every = heat_taken_by_heads(document, job) == "all"
         stated: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
@@ -151,7 +153,7 @@ class _StatedHeat:
                 stated.setdefault(tool, []).append((given.epoch, given.command.degrees))
                 touched.setdefault(given.epoch, set()).add(tool)
         pairs = {t: np.unique(job.contours.epoch[job.contours.tool == t]).tolist() for t in tools}
-        return _StatedHeat(stated, pairs, touched)
+        return StatedHeat(stated, pairs, touched)
 
     def at(self, tool: int, epoch: int) -> float | None:
         """Return how hot a tool is told to be where it prints; None: nothing is known."""
@@ -170,7 +172,7 @@ class _StatedHeat:
                 return f"tool {tool} is switched off in line {block.line}"
         return ""
 
-    def unlike(self, source: _StatedHeat, job: PrintJob, theirs: PrintJob) -> str:
+    def unlike(self, source: StatedHeat, job: PrintJob, theirs: PrintJob) -> str:
         """Return in words which tool would print at another temperature; empty: none."""
         pairs = np.stack([job.contours.tool, job.contours.epoch, theirs.contours.epoch], axis=1)
         for tool, here, there in np.unique(pairs, axis=0).tolist():

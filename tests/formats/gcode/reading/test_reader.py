@@ -93,6 +93,18 @@ def test_first_layer_is_an_epoch_when_cooling_changes(read):
     assert job.contours.epoch.tolist() == [0, 0, 0]
 
 
+@pytest.mark.parametrize(("low", "epochs"), [(0.2, [0, 1]), (0.3, [0, 1]), (0.4, [0, 0])])
+def test_only_what_lies_on_the_bed_is_a_first_layer(read, low, epochs):
+    """What is left of a print begins above what is printed; a bed may be said to lie lower."""
+    text = "M107\n"
+    for k, fan in enumerate(("M106 S85\n", "M106 S255\n")):
+        text += (
+            f";LAYER_CHANGE\n;HEIGHT:0.2\n{fan}G1 X0 Y0 Z{low + 0.2 * k:.1f}\nG1 X10 E{k + 0.5}\n"
+        )
+    job, _ = read(text)
+    assert job.contours.epoch.tolist() == epochs
+
+
 def test_state_first_set_in_the_print_ends_an_epoch(read):
     """What held before the first M204 cannot be set again, so nothing moves across it."""
     job, _ = read(SQUARE + "M204 P500\n" + LINE)

@@ -1,0 +1,238 @@
+"""A source of several tools as those heads print it that are left, each with one tool.
+
+Where one tool is left, its head's own text is the text of the print: what the source says to other
+tools is left out, as in the files of heads (`own_lines`), and so are changes of tools. What another
+tool should have printed may be printed with it: such a contour keeps its place, filament and feed.
+Fans, and settings of the tool in use, are for it as the source has them for the tool it is printed
+with, in the nearest layer, of the same role if there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.dialects.dialect import OF_TOOL
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
+from decmcts.formats.gcode.text.lines import command_of, commands_of
+from decmcts.formats.gcode.writing.hot_ends import (
+    OWN,
+    HeatTaken,
+    heat_taken_by_heads,
+    hot_end_command,
+)
+from decmcts.formats.gcode.writing.own_lines import own_lines
+from decmcts.formats.gcode.writing.own_tools import Freed, StatedHeat, with_own_tools
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+
+Source = tuple[PrintJob, GcodeDocument]
+
+
+def with_tool_left(
+    job: PrintJob, document: GcodeDocument, tool: int, other: Mapping[int, int]
+) -> Source:  # fmt: skip
+    """Return a source of several tools as the head of one prints its part of it.
+
+    Parameters
+    ----------
+    other : Mapping[int, int]
+        Tools whose contours are printed with this one; contours of all others stay what they are,
+        and are not to be printed.
+
+    Raises
+    ------
+    InputError
+        Where `other` names tools, and changes of tools are not understood, or the tool would print
+        at a temperature that the source never prints with it at.
+    """
+    freed = with_own_tools(job, document)
+    if isinstance(freed, str) or freed.walls:
+        if not other:
+            return job, document
+        why = freed if isinstance(freed, str) else freed.why
+        raise InputError(
+            f"what another tool should print cannot be printed with tool {tool}: {why}",
+            path=document.path,
+        )
+    contours = printed_with(freed.job.contours, other)
+    states = _States(freed, other)
+    alone = _Text(freed, document, tool, other, states, heat_taken_by_heads(document, job)).alone()
+    found = replace(freed.job, contours=contours, practices=())
+    if other:
+        _refuse_other_heat(found, alone, tool, (job, document))
+    return found, alone
+
+
+def printed_with(contours: Contours, other: Mapping[int, int]) -> Contours:
+    """Return contours with the tools they are printed with, by the other tool of a tool."""
+    tool = contours.tool.copy()
+    for due, has in other.items():
+        tool[contours.tool == due] = has
+    return replace(contours, tool=tool)
+
+
+class _Text:
+    """The text of a source for the head of one tool."""
+
+    def __init__(
+        self, freed: Freed, document: GcodeDocument, tool: int, other: Mapping[int, int],
+        states: _States, heat_taken: HeatTaken,
+    ) -> None:  # fmt: skip
+        self.freed, self.document, self.tool, self.other = freed, document, tool, other
+        self.states, self.heat_taken = states, heat_taken
+        self.own = np.flatnonzero(printed_with(freed.job.contours, other).tool == tool)
+
+    def alone(self) -> GcodeDocument:
+        """Return the document of that head alone."""
+        document, own = self.document, self.freed.document.own_start(self.tool)
+        start = document.start if own is None else own.end
+        preamble = document.preamble + (b"" if own is None else own.text)
+        lines = self._own(preamble, 0, relative_e=False, keep_homing=True)
+        if not start.relative_e:  # what lines that are left out have led E to
+            lines += b"G92 E%.5f" % start.e + document.newline
+        blocks = (self._block(block) for block in self.freed.document.blocks)
+        end, heat_taken = document.end, self.heat_taken
+        heat_taken = heat_taken if heat_taken == "all" else "off"
+        postamble = self._own(
+            document.postamble, end.tool, relative_e=end.relative_e, heat_taken=heat_taken
+        )
+        found = replace(
+            self.freed.document, preamble=self._selecting(lines), postamble=postamble,
+            start=replace(start, tool=self.tool), end=self._cursor(end, len(self.own)),
+            blocks=tuple(block for block in blocks if block is not None), own_starts=(),
+        )  # fmt: skip
+        return self.states.put_into(found)
+
+    def _block(self, block: Block) -> Block | None:
+        """Return a block as the head has it; None: it has nothing of it."""
+        begin, text = block.begin, block.text
+        if begin.tool in self.other and self.heat_taken == OWN:  # the other tool's temperature
+            rows = text.splitlines(keepends=True)
+            text = b"".join(row for row in rows if not _heats_in_use(row))
+        selected = self.other.get(begin.tool, begin.tool)
+        lines = self._own(text, selected, relative_e=begin.relative_e)
+        if not commands_of(lines):
+            return None
+        epochs = self.freed.job.contours.epoch[self.own]
+        behind = int(np.searchsorted(epochs, block.epoch))
+        begin, end = self._cursor(begin, behind), self._cursor(block.end, behind)
+        end = replace(end, feed=-1.0) if block.moves else end
+        return replace(block, text=lines, begin=begin, end=end, moves=False)
+
+    def _own(
+        self, text: bytes, selected: int, *, relative_e: bool, keep_homing: bool = False,
+        heat_taken: HeatTaken | None = None,
+    ) -> bytes:  # fmt: skip
+        return own_lines(
+            text, self.tool, selected=selected, keep_homing=keep_homing, relative_e=relative_e,
+            newline=self.document.newline, heat_taken=heat_taken or self.heat_taken,
+        )  # fmt: skip
+
+    def _cursor(self, cursor: Cursor, behind: int) -> Cursor:
+        """Return where the head's controller stands; what another tool has retracted is not its.
+
+        `behind` counts the head's contours above.
+        """
+        if cursor.tool == self.tool:
+            return cursor
+        like = int(self.own[min(behind, len(self.own) - 1)])
+        state = self.states.of(cursor.state, self.states.begins(like))
+        cursor, used = replace(cursor, tool=self.tool, state=state), cursor.tool
+        if self.other.get(used) == self.tool:
+            return cursor
+        return replace(cursor, owed=0.0, pulled=0.0, firmware_retracted=False)
+
+    def _selecting(self, preamble: bytes) -> bytes:
+        """Return start code that selects the tool above its first command."""
+        if not self.tool:
+            return preamble
+        rows = preamble.splitlines(keepends=True)
+        at = next((k for k, row in enumerate(rows) if command_of(row)), len(rows))
+        return b"".join([*rows[:at], b"T%d" % self.tool + self.document.newline, *rows[at:]])
+
+
+def _heats_in_use(row: bytes) -> bool:
+    """Tell whether a line says how hot the tool in use is to be, without naming it."""
+    command = hot_end_command(command_of(row))
+    return command is not None and command.tool is None
+
+
+class _States:
+    """States of a source, where fans and settings of the tool in use are another tool's."""
+
+    def __init__(self, freed: Freed, other: Mapping[int, int]) -> None:
+        document, self.contours = freed.document, freed.job.contours
+        self.table, self.point_state = document.states, document.point_state.copy()
+        slots = document.states.slots
+        self._its = [k for k, s in enumerate(slots) if s.startswith("fan") or s in OF_TOOL]
+        self._rows = list(map(tuple, document.states.rows.tolist()))
+        self._known = {row: k for k, row in enumerate(self._rows)}
+        owner = np.repeat(np.arange(len(self.contours)), np.diff(self.contours.offsets))
+        for due, has in other.items():
+            like = _nearest(self.contours, due, has)
+            points = np.flatnonzero(self.contours.tool[owner] == due)
+            models = document.point_state[self.contours.offsets[like[owner[points]]] + 1]
+            pairs = np.stack([document.point_state[points], models], axis=1)
+            pairs, place = np.unique(pairs, axis=0, return_inverse=True)
+            found = [self.of(*pair) for pair in pairs.tolist()]
+            self.point_state[points] = np.array(found, np.int32)[place.ravel()]
+
+    def of(self, state: int, model: int) -> int:
+        """Return the state that is like one, but for what goes with a tool: that is the model's."""
+        row = list(self._rows[state])
+        for k in self._its:
+            row[k] = self._rows[model][k]
+        key = tuple(row)
+        if key not in self._known:
+            self._known[key] = len(self._rows)
+            self._rows.append(key)
+        return self._known[key]
+
+    def begins(self, contour: int) -> int:
+        """Return the state in which a contour begins."""
+        return int(self.point_state[self.contours.offsets[contour] + 1])
+
+    def put_into(self, document: GcodeDocument) -> GcodeDocument:
+        """Return a document with these states."""
+        rows = np.array(self._rows, np.int32).reshape(-1, len(self.table.slots))
+        states = replace(self.table, rows=rows)
+        return replace(document, states=states, point_state=self.point_state)
+
+
+def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:
+    """Return for each contour of tool `due` one of tool `has` that is most like it, (n,).
+
+    In the nearest layer, of the same role if there is one.
+    """
+    kinds = np.stack([contours.layer, contours.role], axis=1).astype(np.int64)
+    theirs = np.flatnonzero(contours.tool == has)
+    known, first = np.unique(kinds[theirs], axis=0, return_index=True)
+    like = np.full(len(contours), -1, np.int64)
+    mine = np.flatnonzero(contours.tool == due)
+    asked, place = np.unique(kinds[mine], axis=0, return_inverse=True)
+    best = [
+        int(np.argmin(2 * np.abs(known[:, 0] - layer) + (known[:, 1] != role)))
+        for layer, role in asked.tolist()
+    ]
+    like[mine] = theirs[first[np.array(best, np.int64)]][place.ravel()]
+    return like
+
+
+def _refuse_other_heat(job: PrintJob, document: GcodeDocument, tool: int, source: Source) -> None:
+    """Raise InputError where a tool would print as hot as the source never has it."""
+    heat, was = StatedHeat.of(job, document), StatedHeat.of(*source)
+    mine = source[0].contours.tool == tool
+    due = {was.at(tool, epoch) for epoch in np.unique(source[0].contours.epoch[mine]).tolist()}
+    for epoch in np.unique(job.contours.epoch[job.contours.tool == tool]).tolist():
+        if (degrees := heat.at(tool, epoch)) not in due:
+            known = ", ".join(f"{one:g}" for one in sorted(filter(None, due)))
+            raise InputError(
+                f"tool {tool} would print at {degrees or 0.0:g} degrees, in the source it does at "
+                f"{known or 'none that is known'}",
+                path=document.path,
+            )
