@@ -326,6 +326,9 @@ def test_another_temperature_behind_a_change_keeps_it_a_wall(tmp_path: Path) -> 
     freed = with_own_tools(*read_gcode(source))
     judged = without_changes(*read_gcode(source))
     assert hot and isinstance(freed, Freed) and judged is not None
+    walls = [b for b in freed.job.barriers if b.reason == "tool change"]
+    stay = [block for block in freed.document.blocks if "tool change" in block.reasons]
+    assert walls and all(any(s.line <= b.line <= s.last_line for s in stay) for b in walls)
     job, _ = judged
     assert freed.walls == 2  # where it cools down, and where it heats up to less
     assert freed.job.contours.epoch.tolist() == job.contours.epoch.tolist()
@@ -347,6 +350,8 @@ def test_planner_and_judge_find_the_same(tmp_path: Path, made: str) -> None:
     freed, judged = with_own_tools(job, document), without_changes(job, document)
     assert isinstance(freed, Freed) and judged is not None
     assert freed.count > 1 and freed.walls == (made == "extras")  # which has M104 S205 beside one
+    walls = [b for b in freed.job.barriers if b.reason == "tool change"]
+    assert bool(walls) == bool(freed.walls)
     job, document = judged
     ours, theirs = freed.job.contours, job.contours
     assert ours.epoch.tolist() == theirs.epoch.tolist()

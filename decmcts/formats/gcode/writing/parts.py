@@ -7,16 +7,16 @@ Which stretches are left is decided in `decmcts.planning.replanning`, where cont
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.document import NO_ARC, GcodeDocument
+from decmcts.formats.gcode.document import NO_ARC, Block, GcodeDocument
 from decmcts.print.contours import PER_CONTOUR, Contours
-from decmcts.print.job import PrintJob
+from decmcts.print.job import Barrier, PrintJob
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,4 +134,27 @@ def without_blocks(
     blocks = tuple(replace(block, epoch=int(anew[block.epoch])) for block in kept)
     refills = tuple(int(anew[epoch]) for epoch in job.refills if epoch not in gone)
     contours = replace(job.contours, epoch=anew[job.contours.epoch])
-    return replace(job, contours=contours, refills=refills), replace(document, blocks=blocks)
+    barriers = tuple(_barriers_left(job, [document.blocks[k] for k in sorted(left)], blocks))
+    job = replace(job, contours=contours, refills=refills, barriers=barriers)
+    return job, replace(document, blocks=blocks)
+
+
+def _barriers_left(
+    job: PrintJob, gone: Sequence[Block], blocks: Sequence[Block]
+) -> Iterator[Barrier]:
+    """Yield the barriers of a job without those in blocks that are `gone`.
+
+    Of barriers that are alike a job has the first: another takes the place of one that is gone.
+    """
+    for barrier in job.barriers:
+        if not any(block.line <= barrier.line <= block.last_line for block in gone):
+            yield barrier
+            continue
+        word = (barrier.text.split(None, 1) or [""])[0]
+        for block in (b for b in blocks if barrier.reason in b.reasons):
+            rows = block.text.decode("utf-8", "replace").splitlines()
+            texts = [row.split(";", 1)[0].strip() for row in rows]
+            alike = [k for k, text in enumerate(texts) if (text.split(None, 1) or [""])[0] == word]
+            if alike:
+                yield replace(barrier, text=texts[alike[0]], line=block.line + alike[0])
+                break
