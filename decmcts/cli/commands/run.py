@@ -38,6 +38,7 @@ from decmcts.planning.writing.places import (
     refuse_unwritable,
 )
 from decmcts.print.figures import clock_time
+from decmcts.print.plan import PlanDocument
 from sim.controllers.motion import QUEUE
 from sim.controllers.timing import Timing
 
@@ -156,15 +157,8 @@ def run(
             told(Step("writing events"))
             _write_events(result, events)
         if report is not None:
-            from sim.pictures.report import write_run_report  # it loads for those who ask
-
             told(Step("writing the report"))
-            log, touched = result.logs()[0], result.contacts
-            anew = sum(carried.is_print for carried in result.plans) > 1
-            write_run_report(
-                report, document, log, file=plan.name, contacts=touched,
-                in_the_end=result.contours - result.unprinted if anew else None,
-            )  # fmt: skip
+            _write_report(result, document, plan, report)
     if as_json:
         print_json("decmcts-run/1", figures(result))
     else:
@@ -246,6 +240,19 @@ def _write_events(result: RunResult, path: Path) -> None:
         put(stream_of(log), place)
         if k:
             write_plan(carried.document, place.with_suffix(".plan.json"))
+
+
+def _write_report(result: RunResult, document: PlanDocument, plan: Path, out: Path) -> None:
+    """Write the page of a run, with what was planned anew in it."""
+    from sim.pictures.report import Anew, write_run_report  # it loads for those who ask
+
+    prints = [carried for carried in result.plans if carried.is_print]
+    first, *later = map(Anew, (carried.document for carried in prints), result.logs())
+    write_run_report(
+        out, document, first.log, file=plan.name, contacts=result.contacts, anew=later,
+        in_the_end=result.contours - result.unprinted if later else None,
+        missing=(*result.others, *result.left),
+    )  # fmt: skip
 
 
 def figures(result: RunResult) -> dict[str, Any]:

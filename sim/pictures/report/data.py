@@ -16,6 +16,7 @@ from decmcts.print.metrics import compared_order
 from decmcts.print.plan import PlanDocument
 from decmcts.version import __version__
 from sim.arrays import Floats
+from sim.pictures.report.anew import changes_by
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.changes import flags_of
 from sim.pictures.report.cuts import cuts_of_page
@@ -77,14 +78,18 @@ def page_data(
         "cuts": cuts_of_page(after, blobs),
         "after": _after(after if details.run is None else before, blobs) if several else None,
         "notes": list(details.notes),
-        "run": None if details.run is None else _run(details.run),
+        "run": None if details.run is None else _run(details.run, blobs),
     }  # fmt: skip
     return page, blobs
 
 
-def _run(run: CarriedOut) -> dict[str, Any]:
+def _run(run: CarriedOut, blobs: Blobs) -> dict[str, Any]:
     failed = [dict(zip(("head", "time_s", "why"), one, strict=True)) for one in run.failed]
-    return {**asdict(run), "failed": failed}
+    return {
+        "printed": run.printed, "beads": run.beads, "failed": failed, "contacts": run.contacts,
+        "in_the_end": run.in_the_end, "on_print": list(run.on_print),
+        "anew": changes_by(run.plans, blobs), "missing": list(run.missing),
+    }  # fmt: skip
 
 
 def _after(document: PlanDocument, blobs: Blobs) -> list[dict[str, Any]]:

@@ -14,6 +14,7 @@ from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.faults import Verdict
+from sim.pictures.report.anew import Anew
 from sim.pictures.report.cuts import cut_facts
 from sim.pictures.report.waits import aside_s
 from sim.verdict_lines import sentences
@@ -44,6 +45,8 @@ class CarriedOut:
     contacts: int = 0  # of heads
     in_the_end: int | None = None  # beads printed with what was planned anew; None: nothing was
     on_print: Sequence[str] = ()  # contacts of heads with the print, in words
+    plans: Sequence[Anew] = ()  # this one, and those that took its place
+    missing: Sequence[str] = ()  # what these do not finish, or print with another tool, in words
 
 
 @dataclass(frozen=True, slots=True)

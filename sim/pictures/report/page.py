@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from decmcts.formats.files.atomic import write_whole
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog
 from decmcts.print.print_state import happened
+from sim.pictures.report.anew import Anew
 from sim.pictures.report.data import History, page_data
 from sim.pictures.report.facts import CarriedOut, ReportDetails
 
@@ -63,7 +65,8 @@ def write_report(
 
 def write_run_report(
     path: Path | str, document: PlanDocument, log: EventLog, *, file: str = "", contacts: int = 0,
-    in_the_end: int | None = None, on_print: Sequence[str] = (),
+    in_the_end: int | None = None, on_print: Sequence[str] = (), anew: Sequence[Anew] = (),
+    missing: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Write the page of a print that was carried out: what was planned beside what happened.
 
@@ -76,6 +79,8 @@ def write_run_report(
     contacts : how often heads touched
     in_the_end : beads that were printed in all, where the rest was planned anew
     on_print : contacts of heads with the print, in words
+    anew : the plans that took its place, in turn, of which heads began some action
+    missing : what of them is not finished, or is printed with another tool, in words
     """
     after = happened(document, log)
     printed = sum(int((head.kind == ActionKind.PRINT).sum()) for head in after.plan.heads)
@@ -85,6 +90,8 @@ def write_run_report(
         if event.kind is EventKind.FAILED
     ]
     run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end, on_print)
+    plans = [Anew(document, log), *(each for each in anew if each.log.events)]
+    run = replace(run, plans=plans, missing=missing)
     write_report(path, before=document, after=after, details=ReportDetails(file=file, run=run))
 
 

@@ -30,12 +30,12 @@ from decmcts.formats.gcode.writing.own_tools import Freed, StatedHeat, with_own_
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 
-Source = tuple[PrintJob, GcodeDocument]
+PrintText = tuple[PrintJob, GcodeDocument]
 
 
 def with_tool_left(
     job: PrintJob, document: GcodeDocument, tool: int, other: Mapping[int, int]
-) -> Source:  # fmt: skip
+) -> PrintText:  # fmt: skip
     """Return a source of several tools as the head of one prints its part of it.
 
     Parameters
@@ -223,7 +223,9 @@ def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:
     return like
 
 
-def _refuse_other_heat(job: PrintJob, document: GcodeDocument, tool: int, source: Source) -> None:
+def _refuse_other_heat(
+    job: PrintJob, document: GcodeDocument, tool: int, source: PrintText
+) -> None:
     """Raise InputError where a tool would print as hot as the source never has it."""
     heat, was = StatedHeat.of(job, document), StatedHeat.of(*source)
     mine = source[0].contours.tool == tool

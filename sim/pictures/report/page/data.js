@@ -137,6 +137,7 @@
         Object.assign(head, withPaths(page.contours, head));
       });
     }
+    for (const { rows } of page.run ? page.run.anew : []) rows.forEach(timed);
     const { graph, critical } = page;
     if (graph) {
       graph.offsets = running(graph.counts);

@@ -5,19 +5,23 @@
   const LEAST_SPAN_S = 0.5;
   const ROUNDED_S = 0.01; // times are rounded: at its begin an action has begun
   const view = { from: 0, to: 1, left: 64, width: 600, ratio: 1 };
-  let rows = [], planned = [], longest = [], placed = [], critical = null, focus = null;
+  let rows = [], planned = [], anew = [], longest = [], placed = [], critical = null, focus = null;
   let base, over, line, nowList, asked = 0, told = 0;
 
   const plan = () => D.page.plans[1];
   /** The end of what is shown: of a run, where what was planned ends later, that. */
-  const end = () => Math.max(plan().end_s, D.page.run ? D.page.plans[0].end_s : 0);
+  const end = () => {
+    const { run, plans } = D.page;
+    return Math.max(plan().end_s, ...(run ? [plans[0].end_s, ...run.anew.map(({ ended_s }) => ended_s)] : []));
+  };
   const drawing = () => D.ganttDrawing;
 
   /** What a head does at a time, in figures: for the lines below the Gantt, and for tests. */
   function at(head, seconds) {
-    const row = rows[head], s = row.segment(seconds);
+    const later = anew.filter(({ row, begin_s }) => row.head === head && begin_s <= seconds).pop();
+    const row = later ? later.row : rows[head], s = row.segment(seconds);
     const kind = row.kind[s], wait = kind >= 3 ? row.wait(seconds) : null;
-    const action = row.action[s];
+    const action = later ? -1 : row.action[s]; // of the plan that is shown
     const contour = action < 0 ? -1 : plan().heads[head].contour[action];
     const shares = new Float64Array(D.timeline.KINDS);
     const half = (view.to - view.from) / (view.width - view.left) / 2;
@@ -64,7 +68,7 @@
     if (asked) return;
     asked = requestAnimationFrame(() => {
       asked = 0;
-      placed = drawing().draw(base.getContext("2d", { willReadFrequently: true }), rows, view, { longest, critical, planned });
+      placed = drawing().draw(base.getContext("2d", { willReadFrequently: true }), rows, view, { longest, critical, planned, anew, failed: D.page.run ? D.page.run.failed : [] });
       redrawOver();
     });
   }
@@ -185,6 +189,7 @@
     const rowsOf = ({ heads }, waits) => heads.map((head, k) => new D.timeline.Row(head, k, end(), waits));
     rows = rowsOf(page.plans[1], page.waits);
     planned = page.run ? rowsOf(page.plans[0], []) : [];
+    anew = page.run ? page.run.anew.flatMap(laterRows) : [];
     longest = [...page.waits].sort((a, b) => b.end_s - b.begin_s - (a.end_s - a.begin_s));
     view.to = end();
     base = e("canvas", { "aria-hidden": "true" });
@@ -207,6 +212,12 @@
     tellNow();
     D.waits.show(page);
     D.stops.show(page);
+  }
+
+  /** What heads did of a plan made anew: rows of the time line, from when it began. */
+  function laterRows({ begin_s, rows: heads }) {
+    const names = plan().heads.map((head) => head.name);
+    return heads.map((head) => ({ begin_s, row: new D.timeline.Row(head, names.indexOf(head.name), end(), []) }));
   }
 
   function name(page) {

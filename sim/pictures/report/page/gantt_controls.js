@@ -52,6 +52,8 @@
     }
     if (page.waits.length) made.push(of("waits", (c) => D.pattern(c, "waits", D.colour("--fg"), D.colour("--bg"))));
     if (page.critical.length) made.push(of("critical path", () => D.colour("--bad"), true));
+    if (page.run && page.run.failed.length) made.push(of("a head failed", () => D.colour("--bad"), true));
+    if (page.run && page.run.anew.length) made.push(of("planned anew", () => D.colour("--accent"), true));
     return made;
   }
 

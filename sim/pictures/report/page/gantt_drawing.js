@@ -72,6 +72,34 @@
     });
   }
 
+  /** What a head did of a plan made anew, from when that began. */
+  function drawAnew(context, row, view, begin_s) {
+    const x = Math.max(view.left, xOf(view, begin_s));
+    if (x >= view.width) return;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.save();
+    context.beginPath();
+    context.rect(x * view.ratio, 0, (view.width - x) * view.ratio, context.canvas.height);
+    context.clip();
+    drawBar(context, row, view, barTop(row.head));
+    context.restore();
+  }
+
+  /** Lines through all heads at some times. */
+  function drawMoments(context, rows, view, times, colour) {
+    context.strokeStyle = D.colour(colour);
+    context.lineWidth = 2;
+    context.setLineDash([5, 3]);
+    context.beginPath();
+    for (const time of times.filter((t) => t >= view.from && t <= view.to)) {
+      context.moveTo(xOf(view, time), 0);
+      context.lineTo(xOf(view, time), rows.length * rowHeight());
+    }
+    context.stroke();
+    context.setLineDash([]);
+    context.lineWidth = 1;
+  }
+
   /** Black or white, whichever is read better on a colour #rrggbb. */
   function inkOn(colour) {
     const [r, g, b] = [1, 3, 5].map((k) => (parseInt(colour.slice(k, k + 2), 16) / 255) ** 2.2);
@@ -222,7 +250,7 @@
   }
 
   /** Draw all but what moves. Returns the labels that are shown. */
-  function draw(context, rows, view, { longest, critical, planned }) {
+  function draw(context, rows, view, { longest, critical, planned, anew, failed }) {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, context.canvas.width, context.canvas.height);
     context.font = FONT;
@@ -237,6 +265,11 @@
       drawBeads(context, row, view, barTop(row.head));
       drawMarks(context, row, view, barTop(row.head), longest.slice(0, MARKED));
     }
+    for (const { begin_s, row } of anew) drawAnew(context, row, view, begin_s);
+    scaled();
+    const began = [...new Set(anew.map(({ begin_s }) => begin_s))];
+    drawMoments(context, rows, view, failed.map(({ time_s }) => time_s), "--bad");
+    drawMoments(context, rows, view, began, "--accent");
     if (critical) drawChain(context, rows, view, critical);
     const placed = placeLabels(context, rows, view, longest);
     drawLabels(context, placed);
