@@ -252,7 +252,7 @@ def _of_tools(
     of = np.array([stretch.of for stretch in stretches])
     tools = np.unique(printed_with(job.contours, other).tool[of]).tolist()
     if len(tools) == 1:
-        return with_tool_left(job, document, tools[0], other)
+        return with_tool_left(job, document, tools[0], other, first=int(of.min()))
     if other:
         left = " and ".join(map(str, tools))
         raise InputError(

@@ -230,11 +230,24 @@ def test_what_the_file_says_of_the_filaments(made: Made, tmp_path: Path) -> None
     assert differences(made.source, {0: 1}) == []
 
 
-def test_another_temperature_is_refused(made: Made) -> None:
-    """Changes of tools with which a tool prints hotter than before are not understood."""
+@pytest.mark.slow
+def test_a_change_to_another_temperature_stays(made: Made, alone: Any, tmp_path: Path) -> None:
+    """Slicers print the first layer hotter: what follows is as hot as that tool is then."""
     text = made.path.read_text().split(f"M109 S{HOT[1]}")
-    hotter = made.path.with_name("hotter.gcode")
+    hotter = tmp_path / "in.gcode"
     hotter.write_text(f"M109 S{HOT[1]}".join(text[:-1]) + f"M109 S{HOT[1] + 5}" + text[-1])
-    anew = made_of(hotter, hotter.parent)
-    with pytest.raises(InputError, match="tool 1 prints at another temperature from line"):
+    anew = made_of(hotter, tmp_path)
+    rest = rest_without(anew, "left", {0: 1})
+    checked = written(rest, anew, alone, tmp_path)
+    assert temperatures(Path(checked[0])) == [HOT[1], HOT[1], HOT[1] + 5, 0]
+    assert "G1 E9" not in Path(checked[0]).read_text().split("M109 S235")[1]
+    assert run(["verify", *checked]) == 0
+
+
+def test_changes_that_are_not_understood_are_refused(made: Made, tmp_path: Path) -> None:
+    """Who knows what a macro does there."""
+    path = tmp_path / "in.gcode"
+    path.write_text(made.path.read_text().replace("\nT1\nM109", "\nPICK_TOOL\nT1\nM109", 1))
+    anew = made_of(path, tmp_path)
+    with pytest.raises(InputError, match=r"what 'PICK_TOOL'.* does at a change of tools"):
         rest_without(anew, "left", {0: 1})

@@ -65,7 +65,7 @@ class Freed:
     document: GcodeDocument
     count: int  # changes that are no walls
     walls: int  # changes that stay
-    why: str = ""  # the first of them does
+    barred: str = ""  # why the first of them does that is more than another temperature
 
 
 def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
@@ -85,6 +85,10 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     for number, (block, begin) in enumerate(zip(document.blocks, begins, strict=True)):
         if what := _foreign(block) or heat.differs(block) or _left(block, nets.get(begin, 0.0)):
             obstacles[number] = what
+    barred = (
+        _foreign(block) or _left(block, nets.get(begin, 0.0))
+        for block, begin in zip(document.blocks, begins, strict=True) if _is_change(block)
+    )  # fmt: skip
     left = {k for k, block in enumerate(document.blocks) if k not in obstacles and _is_own(block)}
     count = sum(_is_change(document.blocks[k]) for k in left)
     stays = [
@@ -100,7 +104,23 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     note = f"{count} change{'s' * (count != 1)} of tools are no walls"
     note += f", {len(stays)} stay: {stays[0]}" if stays else ""
     job = replace(freed.job, notes=(*freed.job.notes, note))
-    return replace(freed, job=job, count=count, walls=len(stays), why=stays[0] if stays else "")
+    return replace(
+        freed, job=job, count=count, walls=len(stays), barred=next(filter(None, barred), "")
+    )
+
+
+def first_use(job: PrintJob, document: GcodeDocument, tool: int) -> OwnStart | None:
+    """Return what a tool's head is told where the source takes it first; None: in the start code.
+
+    The change may be a wall or none.
+    """
+    first = int(np.argmax(job.contours.tool == tool))
+    epochs = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
+    for k in np.flatnonzero(epochs == first).tolist():
+        if _is_change(document.blocks[k]) and document.blocks[k].end.tool == tool:
+            owns = _own_starts(job, document, {first: k})
+            return next((own for own in owns if own.tool == tool), None)
+    return None
 
 
 def _is_change(block: Block) -> bool:

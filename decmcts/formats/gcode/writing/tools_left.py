@@ -17,16 +17,11 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import OF_TOOL
-from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, OwnStart
 from decmcts.formats.gcode.text.lines import command_of, commands_of
-from decmcts.formats.gcode.writing.hot_ends import (
-    OWN,
-    HeatTaken,
-    heat_taken_by_heads,
-    hot_end_command,
-)
+from decmcts.formats.gcode.writing.hot_ends import HeatTaken, heat_taken_by_heads, hot_end_command
 from decmcts.formats.gcode.writing.own_lines import own_lines
-from decmcts.formats.gcode.writing.own_tools import Freed, StatedHeat, with_own_tools
+from decmcts.formats.gcode.writing.own_tools import Freed, StatedHeat, first_use, with_own_tools
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 
@@ -34,7 +29,7 @@ PrintText = tuple[PrintJob, GcodeDocument]
 
 
 def with_tool_left(
-    job: PrintJob, document: GcodeDocument, tool: int, other: Mapping[int, int]
+    job: PrintJob, document: GcodeDocument, tool: int, other: Mapping[int, int], *, first: int = 0
 ) -> PrintText:  # fmt: skip
     """Return a source of several tools as the head of one prints its part of it.
 
@@ -43,6 +38,8 @@ def with_tool_left(
     other : Mapping[int, int]
         Tools whose contours are printed with this one; contours of all others stay what they are,
         and are not to be printed.
+    first : int
+        The first contour that is left to print.
 
     Raises
     ------
@@ -51,21 +48,25 @@ def with_tool_left(
         at a temperature that the source never prints with it at.
     """
     freed = with_own_tools(job, document)
-    if isinstance(freed, str) or freed.walls:
+    if isinstance(freed, str) or freed.barred:
         if not other:
             return job, document
-        why = freed if isinstance(freed, str) else freed.why
+        why = freed if isinstance(freed, str) else freed.barred
         raise InputError(
             f"what another tool should print cannot be printed with tool {tool}: {why}",
             path=document.path,
         )
     contours = printed_with(freed.job.contours, other)
     states = _States(freed, other)
-    alone = _Text(freed, document, tool, other, states, heat_taken_by_heads(document, job)).alone()
+    own = first_use(job, document, tool)
+    alone = _Text(
+        freed, document, tool, other, states, heat_taken_by_heads(document, job), first
+    ).alone(own)
     found = replace(freed.job, contours=contours, practices=())
-    if other:
-        _refuse_other_heat(found, alone, tool, (job, document))
-    return found, alone
+    why = _other_heat(found, alone, tool, (job, document), first)
+    if why and other:
+        raise InputError(why, path=document.path)
+    return (job, document) if why else (found, alone)
 
 
 def printed_with(contours: Contours, other: Mapping[int, int]) -> Contours:
@@ -81,21 +82,25 @@ class _Text:
 
     def __init__(
         self, freed: Freed, document: GcodeDocument, tool: int, other: Mapping[int, int],
-        states: _States, heat_taken: HeatTaken,
+        states: _States, heat_taken: HeatTaken, first: int,
     ) -> None:  # fmt: skip
         self.freed, self.document, self.tool, self.other = freed, document, tool, other
-        self.states, self.heat_taken = states, heat_taken
+        self.states, self.heat_taken, self.start = states, heat_taken, document.start
+        self.begins = int(freed.job.contours.epoch[first])
         self.own = np.flatnonzero(printed_with(freed.job.contours, other).tool == tool)
 
-    def alone(self) -> GcodeDocument:
-        """Return the document of that head alone."""
-        document, own = self.document, self.freed.document.own_start(self.tool)
-        start = document.start if own is None else own.end
+    def alone(self, own: OwnStart | None) -> GcodeDocument:
+        """Return the document of that head alone, which is told so behind the start code."""
+        document = self.document
+        start = self.start = document.start if own is None else own.end
         preamble = document.preamble + (b"" if own is None else own.text)
         lines = self._own(preamble, 0, relative_e=False, keep_homing=True)
         if not start.relative_e:  # what lines that are left out have led E to
             lines += b"G92 E%.5f" % start.e + document.newline
-        blocks = (self._block(block) for block in self.freed.document.blocks)
+        taken = 0 if own is None else own.line
+        blocks = (
+            self._block(block) for block in self.freed.document.blocks if block.last_line != taken
+        )
         end, heat_taken = document.end, self.heat_taken
         heat_taken = heat_taken if heat_taken == "all" else "off"
         postamble = self._own(
@@ -103,49 +108,77 @@ class _Text:
         )
         found = replace(
             self.freed.document, preamble=self._selecting(lines), postamble=postamble,
-            start=replace(start, tool=self.tool), end=self._cursor(end, len(self.own)),
+            start=replace(start, tool=self.tool), end=self._end(end),
             blocks=tuple(block for block in blocks if block is not None), own_starts=(),
         )  # fmt: skip
         return self.states.put_into(found)
 
+    def _end(self, end: Cursor) -> Cursor:
+        """Return where the head's controller stands below its last bead."""
+        cursor = self._cursor(end, len(self.own))
+        if self.other.get(end.tool, end.tool) == self.tool:
+            return cursor
+        deep = self.freed.job.settings.for_tool(self.tool).retract_mm
+        return replace(cursor, owed=deep, pulled=deep, firmware_retracted=False)
+
     def _block(self, block: Block) -> Block | None:
         """Return a block as the head has it; None: it has nothing of it."""
-        begin, text = block.begin, block.text
-        if begin.tool in self.other and self.heat_taken == OWN:  # the other tool's temperature
-            rows = text.splitlines(keepends=True)
-            text = b"".join(row for row in rows if not _heats_in_use(row))
-        selected = self.other.get(begin.tool, begin.tool)
-        lines = self._own(text, selected, relative_e=begin.relative_e)
+        begin, changes = block.begin, "tool change" in block.reasons
+        text = (
+            block.text if self.heat_taken == "all" else self._without_heat(block, changes=changes)
+        )
+        selected = begin.tool if changes else self.other.get(begin.tool, begin.tool)
+        lines = self._own(text, selected, relative_e=begin.relative_e, fed=not changes)
         if not commands_of(lines):
             return None
         epochs = self.freed.job.contours.epoch[self.own]
         behind = int(np.searchsorted(epochs, block.epoch))
         begin, end = self._cursor(begin, behind), self._cursor(block.end, behind)
         end = replace(end, feed=-1.0) if block.moves else end
+        if changes or selected != self.tool:  # what is pulled there is another tool's
+            begin, end = self._as_between_beads(block, begin), self._as_between_beads(block, end)
         return replace(block, text=lines, begin=begin, end=end, moves=False)
+
+    def _as_between_beads(self, block: Block, cursor: Cursor) -> Cursor:
+        """Return a place where the head stands as it does between beads, or before the first."""
+        if block.epoch <= self.begins:
+            start = self.start
+            return replace(
+                cursor, owed=start.owed, pulled=start.pulled,
+                firmware_retracted=start.firmware_retracted,
+            )  # fmt: skip
+        deep = self.freed.job.settings.for_tool(self.tool).retract_mm
+        return replace(cursor, owed=deep, pulled=deep, firmware_retracted=False)
+
+    def _without_heat(self, block: Block, *, changes: bool) -> bytes:
+        """Return the text of a block without temperatures that are not for this tool's beads.
+
+        Of another tool's that it prints for, and those of its own standby.
+        """
+        rows = block.text.splitlines(keepends=True)
+        if changes and block.end.tool != self.tool:
+            return b"".join(row for row in rows if hot_end_command(command_of(row)) is None)
+        if not changes and block.begin.tool in self.other:
+            return b"".join(row for row in rows if not _heats_in_use(row))
+        return block.text
 
     def _own(
         self, text: bytes, selected: int, *, relative_e: bool, keep_homing: bool = False,
-        heat_taken: HeatTaken | None = None,
+        heat_taken: HeatTaken | None = None, fed: bool = True,
     ) -> bytes:  # fmt: skip
         return own_lines(
-            text, self.tool, selected=selected, keep_homing=keep_homing, relative_e=relative_e,
-            newline=self.document.newline, heat_taken=heat_taken or self.heat_taken,
+            text, self.tool, selected=selected, fed=fed, keep_homing=keep_homing,
+            relative_e=relative_e, newline=self.document.newline,
+            heat_taken=heat_taken or self.heat_taken,
         )  # fmt: skip
 
     def _cursor(self, cursor: Cursor, behind: int) -> Cursor:
-        """Return where the head's controller stands; what another tool has retracted is not its.
-
-        `behind` counts the head's contours above.
-        """
+        """Return where the head's controller stands; `behind` counts its contours above."""
         if cursor.tool == self.tool:
             return cursor
         like = int(self.own[min(behind, len(self.own) - 1)])
         state = self.states.of(cursor.state, self.states.begins(like))
-        cursor, used = replace(cursor, tool=self.tool, state=state), cursor.tool
-        if self.other.get(used) == self.tool:
-            return cursor
-        return replace(cursor, owed=0.0, pulled=0.0, firmware_retracted=False)
+        return replace(cursor, tool=self.tool, state=state)
 
     def _selecting(self, preamble: bytes) -> bytes:
         """Return start code that selects the tool above its first command."""
@@ -223,18 +256,23 @@ def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:
     return like
 
 
-def _refuse_other_heat(
-    job: PrintJob, document: GcodeDocument, tool: int, source: PrintText
-) -> None:
-    """Raise InputError where a tool would print as hot as the source never has it."""
-    heat, was = StatedHeat.of(job, document), StatedHeat.of(*source)
-    mine = source[0].contours.tool == tool
-    due = {was.at(tool, epoch) for epoch in np.unique(source[0].contours.epoch[mine]).tolist()}
-    for epoch in np.unique(job.contours.epoch[job.contours.tool == tool]).tolist():
-        if (degrees := heat.at(tool, epoch)) not in due:
-            known = ", ".join(f"{one:g}" for one in sorted(filter(None, due)))
-            raise InputError(
+def _other_heat(
+    job: PrintJob, document: GcodeDocument, tool: int, source: PrintText, first: int
+) -> str:
+    """Return in words where a tool would print as hot as the source never has it; or nothing.
+
+    Its own contours are printed as hot as in the source. Looked at from contour `first` on.
+    """
+    heat, was, contours = StatedHeat.of(job, document), StatedHeat.of(*source), source[0].contours
+    pairs = np.stack([contours.tool == tool, job.contours.epoch, contours.epoch], axis=1)
+    known = {was.at(tool, before) for _, _, before in np.unique(pairs[pairs[:, 0] == 1], axis=0)}
+    left = (job.contours.tool == tool) & (np.arange(len(contours)) >= first)
+    for own, now, before in np.unique(pairs[left], axis=0).tolist():
+        due = {was.at(tool, before)} if own else known
+        if (degrees := heat.at(tool, now)) not in due:
+            stated = ", ".join(f"{one:g}" for one in sorted(filter(None, due)))
+            return (
                 f"tool {tool} would print at {degrees or 0.0:g} degrees, in the source it does at "
-                f"{known or 'none that is known'}",
-                path=document.path,
+                f"{stated or 'none that is known'}"
             )
+    return ""

@@ -43,12 +43,14 @@
   function anew({ begin_s, old_end_s, new_end_s, ended_s, left, heads: of, moved }, run, k) {
     const later = new_end_s - old_end_s, clock = D.format.clock;
     const beads = (n, words) => `${D.format.count(n, "bead")} ${words}`;
+    const missing = k === run.anew.length - 1 ? run.missing : [];
+    const compared = missing.length ? ", with less printed" : `, ${D.format.duration(Math.abs(later))} ${later < 0 ? "sooner" : "later"}`;
     const lines = moved.map(({ was, now, beads: n }) => beads(n, `that ${was} should have printed ${n === 1 ? "is" : "are"} ${now}'s`));
-    if (k === run.anew.length - 1) lines.push(...run.missing);
+    lines.push(...missing);
     return e("div", { class: "card anew" },
       e("h2", {}, `What the failure changed: planned anew at ${clock(begin_s)}`),
       e("p", {}, `${beads(left, "were left of the plan")}, which would have ended at `, e("b", {}, clock(old_end_s)),
-        "; by the new one it ends at ", e("b", {}, clock(new_end_s)), `, ${D.format.duration(Math.abs(later))} ${later < 0 ? "sooner" : "later"}. It ended at `, e("b", {}, clock(ended_s)), "."),
+        "; by the new one it ends at ", e("b", {}, clock(new_end_s)), `${compared}. It ended at `, e("b", {}, clock(ended_s)), "."),
       D.table("Beads left, and who prints them", ["head", "left of the plan before", "by the new plan"], of.map(({ name, left: n, now }) => [name, n, now])),
       lines.length ? e("ul", { class: "near" }, ...lines.map((text) => e("li", {}, text))) : null);
   }
