@@ -91,6 +91,7 @@ class Failing:
             return
         self._settled_at = now
         if heads[worst].parks:
+            self.team.processes[worst].kill()  # it would go on while a person looks
             self._fail_to_park(worst)
         else:
             self.team.tell(worst, command="abort", why=BUS)

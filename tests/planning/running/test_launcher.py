@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from agents.launching.processes import AgentLine
 from agents.running.heads import Recorded
 from agents.running.port import Ready
 from decmcts.planning.events import Event, Note
-from decmcts.planning.running import renewing
+from decmcts.planning.running import failing, renewing
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
@@ -35,6 +36,7 @@ class Listening:
     def __init__(self) -> None:
         self.told: list[dict[str, Any]] = []
         self.agent = self
+        self.is_killed = False
 
     def tell(self, command: dict[str, Any]) -> None:
         self.told.append(command)
@@ -43,7 +45,8 @@ class Listening:
         """Start no process."""
 
     def kill(self) -> None:
-        """End none."""
+        """Note it."""
+        self.is_killed = True
 
 
 class Desk:
@@ -115,6 +118,58 @@ def test_a_head_that_has_not_parked_yet_is_where_it_stands(
     monkeypatch.setattr(Team, "living", lambda _: [LEFT])  # as if a third head worked
     desk.hold(0, 0)
     assert desk.begun[-1].standing["right"] == at
+
+
+class Heard:
+    """A witness that has heard some heads at once."""
+
+    def __init__(self, *heads: int) -> None:
+        self.heard, self.is_asked, self.is_listening = heads, False, False
+        self.asked = 0
+
+    def ask(self) -> None:
+        self.asked, self.is_asked = self.asked + 1, True
+
+
+def miss_each_other(desk: Desk) -> None:
+    """Have both heads say that they do not hear the other, whose process lives."""
+    now = time.monotonic()
+    for h in (LEFT, RIGHT):
+        desk.team.heads[h].missing, desk.team.heads[h].pulse_at = (1 - h,), now
+
+
+@pytest.mark.parametrize("deaf", [LEFT, RIGHT])
+def test_of_two_heads_the_one_stops_that_a_witness_does_not_hear(desk: Desk, deaf: int) -> None:
+    """Each accuses the other; the second had been taken, and the first went on for ever."""
+    desk.team.witness = Heard(1 - deaf)  # type: ignore[assignment]
+    miss_each_other(desk)
+    desk.launcher.step()
+    told = [[one["command"] for one in each.told] for each in desk.team.processes]
+    assert ["abort" in commands for commands in told] == [deaf == LEFT, deaf == RIGHT]
+
+
+def test_heads_that_a_witness_hears_may_find_to_one_another(desk: Desk) -> None:
+    """It is asked again; after some times one of them is stopped, so that the run goes on."""
+    witness = Heard(LEFT, RIGHT)
+    desk.team.witness = witness  # type: ignore[assignment]
+    for k in range(failing.PATIENCE + 1):
+        miss_each_other(desk)
+        assert not any(one["command"] == "abort" for one in desk.team.processes[RIGHT].told)
+        desk.launcher.step()
+        assert witness.asked == k + 1
+    assert any(one["command"] == "abort" for one in desk.team.processes[RIGHT].told)
+
+
+def test_a_head_that_loses_the_bus_on_its_way_to_its_park_is_lost(desk: Desk) -> None:
+    """Nobody would hear that it has parked. It does nothing more while a person looks."""
+    desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), "clogged")
+    desk.launcher.step()
+    assert desk.team.heads[RIGHT].parks and desk.team.lost() == []
+    desk.team.witness = Heard(LEFT)  # type: ignore[assignment]
+    miss_each_other(desk)
+    desk.launcher.step()
+    assert desk.team.lost() == [RIGHT] and not desk.team.heads[RIGHT].parks
+    assert desk.team.processes[RIGHT].is_killed and not desk.team.processes[LEFT].is_killed
 
 
 def test_nothing_is_planned_while_a_head_is_lost(desk: Desk) -> None:
