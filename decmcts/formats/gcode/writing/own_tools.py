@@ -82,13 +82,13 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     epochs = [block.epoch for block in document.blocks]
     begins = np.searchsorted(job.contours.epoch, epochs).tolist()
     nets = _nets(job, document.moves, begins)
+    barred = ""
     for number, (block, begin) in enumerate(zip(document.blocks, begins, strict=True)):
-        if what := _foreign(block) or heat.differs(block) or _left(block, nets.get(begin, 0.0)):
+        foreign, filament = _foreign(block), _left(block, nets.get(begin, 0.0))
+        if what := foreign or heat.differs(block) or filament:
             obstacles[number] = what
-    barred = (
-        _foreign(block) or _left(block, nets.get(begin, 0.0))
-        for block, begin in zip(document.blocks, begins, strict=True) if _is_change(block)
-    )  # fmt: skip
+        if not barred and _is_change(block):
+            barred = foreign or filament
     left = {k for k, block in enumerate(document.blocks) if k not in obstacles and _is_own(block)}
     count = sum(_is_change(document.blocks[k]) for k in left)
     stays = [
@@ -104,9 +104,7 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     note = f"{count} change{'s' * (count != 1)} of tools are no walls"
     note += f", {len(stays)} stay: {stays[0]}" if stays else ""
     job = replace(freed.job, notes=(*freed.job.notes, note))
-    return replace(
-        freed, job=job, count=count, walls=len(stays), barred=next(filter(None, barred), "")
-    )
+    return replace(freed, job=job, count=count, walls=len(stays), barred=barred)
 
 
 def first_use(job: PrintJob, document: GcodeDocument, tool: int) -> OwnStart | None:
