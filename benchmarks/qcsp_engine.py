@@ -76,7 +76,7 @@ def fleet_of(problem: QcspProblem) -> Fleet:
     parks[:, 0], low[:, 0], high[:, 0] = problem.start, -FAR, FAR
     travel = np.tile([1.0 / problem.travel, AT_ONCE, 1.0, AT_ONCE, 0.0, np.inf], (q, 1))
     relation = np.array(rows).reshape(-1, 6)
-    return Fleet(relation, np.array(offsets, np.int64), parks, low, high, travel, 0.0, True)
+    return Fleet(relation, np.array(offsets, np.int64), parks, low, high, travel, 0.0, 0.0, True)
 
 
 def by_engine(
@@ -94,7 +94,7 @@ def by_engine(
     marks = Marks(
         np.zeros(n + 1, np.int64), np.full((n + 1, q), NONE), np.zeros((n + 1, q)),
         np.empty((n + 1, q, 3)), np.empty((n + 1, q, 6)), np.zeros(1, np.int64),
-        np.zeros((n + 1, q)),
+        np.full((n + 1, q, q), NONE), np.zeros((n + 1, q)),
     )  # fmt: skip
     marks.at[0], marks.rest[0] = heads.at, heads.rest
     spent = microseconds(lambda: finish(0, joint, visits, fleet, units, heads, marks))

@@ -110,7 +110,7 @@ def least_makespan(
     marks = Marks(
         np.zeros(n + 1, np.int64), np.full((n + 1, heads), NONE), np.zeros((n + 1, heads)),
         np.empty((n + 1, heads, 3)), np.empty((n + 1, heads, 6)), np.zeros(1, np.int64),
-        np.empty((0, heads)),
+        np.full((n + 1, heads, heads), NONE), np.empty((0, heads)),
     )  # fmt: skip
     units = new_units((n + 2) * (heads * (heads + 2) + 2))
     seen = np.zeros(TABLE, np.uint64)

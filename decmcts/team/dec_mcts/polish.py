@@ -158,7 +158,7 @@ def _marks(n: int, heads: TeamState) -> Marks:
     marks = Marks(
         np.zeros(n + 1, np.int64), np.full((n + 1, count), NONE), np.zeros((n + 1, count)),
         np.empty((n + 1, count, 3)), np.empty((n + 1, count, 6)), np.zeros(1, np.int64),
-        np.zeros((n + 1, count)),
+        np.full((n + 1, count, count), NONE), np.zeros((n + 1, count)),
     )  # fmt: skip
     marks.at[0], marks.rest[0] = heads.at, heads.rest
     return marks

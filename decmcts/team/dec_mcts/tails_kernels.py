@@ -54,6 +54,8 @@ def longest_paths(visits: Visits, fleet: Fleet, units: Units) -> NDArray[np.floa
             behind[u] = travel_seconds(units.target[u], fleet.parks[r], fleet.travel[r])
     for row in range(m - 1, -1, -1):
         way[row] = max(way[row], units.end[row] - units.begin[row] + behind[row])
+        if (after[row] != NONE).any():
+            way[row] += fleet.rest_s
         if units.before[row] != NONE:
             behind[units.before[row]] = max(behind[units.before[row]], way[row])
         for s in range(heads):

@@ -33,6 +33,8 @@ from decmcts.team.engine.spaces_kernels import (
 )
 
 NONE = -1
+LOOK_BACK = 64  # units of each other head at most that are looked at for what a unit waits for
+PLACES = 32  # more than the pieces of any contour, and its end
 UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK = 0, 1, 2, 3
 
 
@@ -71,6 +73,7 @@ class TeamState(NamedTuple):
     at: NDArray[np.float64]  # (heads, 3) where it rests then
     rest: NDArray[np.float64]  # (heads, 6) space reserved by that rest
     ended: NDArray[np.float64]  # (n,) end of each contour that was placed
+    waited: NDArray[np.int64]  # (heads, heads) last place of s that r waited for; see `place_in`
 
 
 @kernel
@@ -97,7 +100,10 @@ def all_parked(n: int, fleet: Fleet) -> TeamState:
     rest = np.empty((heads, 6))
     for r in range(heads):
         keep_space(space_of_point(fleet.parks[r], -np.inf), rest, r)
-    return TeamState(np.full(heads, NONE), np.zeros(heads), fleet.parks.copy(), rest, np.zeros(n))
+    return TeamState(
+        np.full(heads, NONE), np.zeros(heads), fleet.parks.copy(), rest, np.zeros(n),
+        np.full((heads, heads), NONE),
+    )  # fmt: skip
 
 
 @inlined
@@ -145,6 +151,53 @@ def clear_from(
 
 
 @inlined
+def place_in(u: int, piece: int, visits: Visits, units: Units) -> int:
+    """Return the place where unit u has come to a piece, or NONE: to its end; later is larger."""
+    if piece == NONE:
+        return u * PLACES + PLACES - 1
+    before: int = visits.pieces.offsets[2 * units.contour[u] + units.reversed[u]]
+    return u * PLACES + piece - before
+
+
+@inlined
+def begin_in(
+    r: int,
+    space: Space,
+    begin: float,
+    visits: Visits,
+    fleet: Fleet,
+    units: Units,
+    heads: TeamState,
+) -> float:
+    """When head r begins what needs `space`, no sooner than `begin`, what waiting costs included.
+
+    A head stops wherever it has to wait for a place that it has not waited for before, whether or
+    not the other has passed that by then (`decmcts.team.schedule.standing`): `Fleet.rest_s`
+    (mutates heads). Places farther back than `LOOK_BACK` units are passed over where that is no
+    matter of safety.
+    """
+    stops = False
+    for s in range(len(heads.free)):
+        u, left = heads.last[s] if s != r else NONE, LOOK_BACK
+        while u != NONE and u * PLACES + PLACES - 1 > heads.waited[r, s]:
+            left -= 1
+            if left < 0 and units.end[u] <= begin:
+                break
+            if too_near(space, space_at(units.space, u), r, s, fleet):
+                k = first_clear_piece(u, space, r, visits, fleet, units)
+                at, clear = place_in(u, k, visits, units), units.end[u]
+                if k != NONE:
+                    share = visits.pieces.share[k]
+                    clear = units.begin[u] + share * (units.end[u] - units.begin[u])
+                if at > heads.waited[r, s]:
+                    heads.waited[r, s], stops = at, True
+                begin = max(begin, clear)
+                break
+            u = units.before[u]
+    return begin + fleet.rest_s if stops else begin
+
+
+@inlined
 def place(
     r: int,
     kind: int,
@@ -187,7 +240,7 @@ def place_travel(
     if at[0] == target[0] and at[1] == target[1] and at[2] == target[2]:
         return
     space = space_of_travel(at, target, fleet.ceiling)
-    begin = clear_from(r, space, heads.free[r], visits, fleet, units, heads)
+    begin = begin_in(r, space, heads.free[r], visits, fleet, units, heads)
     end = begin + travel_seconds(at, target, fleet.travel[r])
     # one that steps aside may stay as high as it crossed
     top = fleet.ceiling if kind == UNIT_ASIDE else -np.inf
@@ -223,7 +276,7 @@ def place_print(
     place_travel(r, UNIT_TRAVEL, end_of(c, side, visits), visits, fleet, units, heads)
     space = space_at(visits.pieces.space, visits.pieces.offsets[2 * c + side])
     begin = max(heads.free[r], ready_at(c, visits, heads))
-    begin = clear_from(r, space, begin, visits, fleet, units, heads)
+    begin = begin_in(r, space, begin, visits, fleet, units, heads)
     end = begin + visits.seconds[r, c]
     exit_ = end_of(c, 1 - side, visits)
     place(r, UNIT_PRINT, c, is_reversed, begin, end, space, exit_, -np.inf, units, heads)

@@ -37,6 +37,7 @@ class Marks(NamedTuple):
     at: NDArray[np.float64]  # (n + 1, heads, 3)
     rest: NDArray[np.float64]  # (n + 1, heads, 6)
     known: NDArray[np.int64]  # (1,) turns up to which all this is true
+    waited: NDArray[np.int64]  # (n + 1, heads, heads)
     tail: NDArray[np.float64]  # (n + 1, heads) see `decmcts.team.dec_mcts.tails_kernels`
 
 
@@ -50,6 +51,8 @@ def mark(turn: int, units: Units, heads: TeamState, marks: Marks) -> None:
             marks.at[turn, r, axis] = heads.at[r, axis]
         for side in range(6):
             marks.rest[turn, r, side] = heads.rest[r, side]
+        for s in range(len(heads.free)):
+            marks.waited[turn, r, s] = heads.waited[r, s]
 
 
 @inlined
@@ -62,6 +65,8 @@ def restore(turn: int, units: Units, heads: TeamState, marks: Marks) -> None:
             heads.at[r, axis] = marks.at[turn, r, axis]
         for side in range(6):
             heads.rest[r, side] = marks.rest[turn, r, side]
+        for s in range(len(heads.free)):
+            heads.waited[r, s] = marks.waited[turn, r, s]
 
 
 @inlined

@@ -153,6 +153,7 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
             [travel_row(job.settings, machine.limits_of(head), head.pace) for head in heads]
         ),
         ceiling=max(top, float(parks[:, 2].max())) + rises,
+        rest_s=machine.rest_s,
         lined=halves == len(heads) * (len(heads) - 1),
     )
 

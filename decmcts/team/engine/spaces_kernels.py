@@ -33,6 +33,7 @@ class Fleet(NamedTuple):
     high: NDArray[np.float64]  # (heads, 2)
     travel: NDArray[np.float64]  # (heads, 6) see `travel_seconds`
     ceiling: float  # no travel rises higher, mm
+    rest_s: float  # what a head loses where it waits for another, `decmcts.print.machine`
     lined: bool  # all heads on one rail: whatever the order, each can return to its park
 
 
