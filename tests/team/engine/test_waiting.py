@@ -35,7 +35,7 @@ def _exact_s(problem: TeamProblem, found: Resolved) -> tuple[float, int]:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_heads_agree_on_when_the_exact_plan_ends(case: Callable[..., Any], seed: int) -> None:
-    """Where they wait often too: travels, which are timed by their lengths, are all that differs."""
+    """Where they wait often too: only travels, timed by their lengths, differ."""
     chosen = case(seed, towers=8, reach=5.0)
     problem, found = _agreed(chosen, seed, REST_S)
     exact_s, stops = _exact_s(problem, found)

@@ -27,22 +27,28 @@ from tests.direct_actions import visit_points
 SEEDS = range(6)
 
 
-def random_split(case: Any, seed: int) -> list[Toolpath]:
-    """A random linear extension, each contour on a random head that may print it."""
+def random_split(case: Any, seed: int, *, turns: bool = False) -> list[Toolpath]:
+    """A random linear extension, each contour on a random head that may print it.
+
+    With `turns` the heads' sequences are one order of all; else who comes first goes first.
+    """
     rng = np.random.default_rng(seed)
     n, graph = len(case.job.contours), case.graph
     missing = np.diff(graph.pred_offsets)
     eligible = build_space(case.job, case.machine).eligible
     ready = list(np.flatnonzero(missing == 0))
     heads: list[list[int]] = [[], []]
-    for _ in range(n):
+    turn = np.empty(n, np.int64)
+    for k in range(n):
         c = int(ready.pop(int(rng.integers(len(ready)))))
         heads[int(rng.choice(np.flatnonzero(eligible[c])))].append(c)
+        turn[c] = k
         for s in graph.succs[graph.succ_offsets[c] : graph.succ_offsets[c + 1]]:
             missing[s] -= 1
             if missing[s] == 0:
                 ready.append(s)
-    return [Toolpath.of(np.array(h, np.int32), rng.random(len(h)) < 0.5) for h in heads]
+    paths = [Toolpath.of(np.array(h, np.int32), rng.random(len(h)) < 0.5) for h in heads]
+    return [replace(path, turn=turn[path.order]) for path in paths] if turns else paths
 
 
 @pytest.fixture(scope="module", params=SEEDS)

@@ -29,11 +29,13 @@ REST_S = 0.45
 SEEDS = range(4)
 
 
-def planned(case: Any, seed: int, *, cooled: bool = False, **fields: Any) -> tuple[Any, JointPlan]:
+def planned(
+    case: Any, seed: int, *, cooled: bool = False, turns: bool = False, **fields: Any
+) -> tuple[Any, JointPlan]:
     """The machine with these fields, and the plan of a random split for it."""
     machine = replace(case.machine, **fields)
     lags = lags_of(case) if cooled else None
-    paths = random_split(case, seed)
+    paths = random_split(case, seed, turns=turns)
     return machine, schedule(case.job, machine, case.graph, paths, lags=lags)
 
 
@@ -54,7 +56,8 @@ def test_a_wait_costs_what_the_controller_needs_to_start_again(
 ) -> None:
     """Behind all it waits for, and behind the action before it, a head stands for the rest."""
     chosen = case(seed)
-    options = {"cooled": cooled, "release": release, "signal_interval_s": 0.0}
+    # without turns who comes first depends on `rest_s`
+    options = {"cooled": cooled, "turns": True, "release": release, "signal_interval_s": 0.0}
     free, quick = planned(chosen, seed, rest_s=0.0, **options)
     machine, plan = planned(chosen, seed, rest_s=REST_S, **options)
     for mine, before in zip(seconds(plan), seconds(quick), strict=True):
