@@ -22,7 +22,7 @@ from agents.launching.spawn import SECRET_BYTES
 from agents.networks.meeting import Meeting
 from agents.running.heads import HeadProcesses, Recorded
 from agents.running.port import Ready
-from agents.running.witnessing import WITNESS, WitnessProcess
+from agents.running.witnessing import WitnessProcess
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, unheard
 from decmcts.planning.problem.source import Source
@@ -97,7 +97,7 @@ class Launcher:
         if n > 1:
             all_places, secret = places.fresh(), secrets.token_bytes(SECRET_BYTES)
             meeting = Meeting(all_places[:n], secret)
-            self.team.witness = WitnessProcess(Meeting(all_places, secret), epoch, self.heard.put)
+            self.team.witness = WitnessProcess(Meeting(all_places, secret), epoch)
         for h, head in enumerate(self.team.heads):
             command = [*CONTROLLER, "--name", head.name, "--head", str(h), "--clock",
                        str(clock_path), "--timing", given.timing.value, "--error",
@@ -170,9 +170,6 @@ class Launcher:
                     self._take_record(item)
             case Recorded():
                 self._take_record(item)
-            case AgentLine(head=head) if head == WITNESS:
-                assert self.team.witness is not None
-                self.team.witness.take(item)
             case AgentLine():
                 self._take_agent(item)
             case Parking() | Renewed() | NotRenewed():
