@@ -21,6 +21,7 @@ from sim.files.lines import in_force
 _HEAT = re.compile(rb"M1(04|09|40|90|41|91) ?(.*)", re.I | re.S)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"T ?(\d+)", re.I)
+_SELECTS = re.compile(rb"T ?0*(25[0-4]|2[0-4]\d|1?\d?\d)", re.I)  # none is above 254
 _HEATERS = {b"04": "hot end", b"09": "hot end", b"40": "bed", b"90": "bed"}
 _OF_ALL = ("bed", "chamber")
 # What a result may have more or less often, or elsewhere, than its source. None of it heats.
@@ -84,7 +85,7 @@ def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:
             told[heater] = f"at {float(value[1]):g} degrees"
         else:
             others += 1
-            selected = _TOOL.fullmatch(code)
+            selected = _SELECTS.fullmatch(code)
             tool = int(selected[1]) if selected else tool
             if selected and own_tool:
                 known = set[str]()

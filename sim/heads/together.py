@@ -43,7 +43,7 @@ Point = tuple[float, float, float]
 
 
 def verify_heads(
-    paths: Sequence[Path | str],
+    paths: Sequence[Path | str | HeadFile],
     plan: JointPlan,
     job: PrintJob,
     document: GcodeDocument,
@@ -59,6 +59,8 @@ def verify_heads(
 
     Parameters
     ----------
+    paths : sequence of paths or files
+        Which may be read already.
     job, document
         The source the plan was made from.
     parks : sequence of points
@@ -75,7 +77,7 @@ def verify_heads(
         Whether the plan was read from these files (`sim.heads.plan`).
     """
     try:
-        files = [read_head_file(path, words) for path in paths]
+        files = [one if isinstance(one, HeadFile) else read_head_file(one, words) for one in paths]
     except InputError as error:
         return unreadable(error)
     if faults := check_names(files, plan):
@@ -90,7 +92,7 @@ def verify_heads(
 
 
 def verify_heads_on(
-    machine: Machine, paths: Sequence[Path | str], plan: JointPlan, job: PrintJob,
+    machine: Machine, paths: Sequence[Path | str | HeadFile], plan: JointPlan, job: PrintJob,
     document: GcodeDocument, *, read: bool = False,
 ) -> Verdict:  # fmt: skip
     """Check the files of all heads of a plan for a machine, as `verify_heads` does."""

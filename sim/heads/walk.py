@@ -101,7 +101,7 @@ class Walker:
         self._reversed, self._entry = actions.reversed.tolist(), actions.entry.tolist()
         self._begin_of = job.contours.offsets.tolist()
         self._later: list[tuple[int, bool, int]] = []  # contour, reversed, first move: to look at
-        self._apart = _apart_in_file(actions.path, actions.path_offsets)
+        self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
         self._ours = cache(partial(_in_force, file.track.table))  # states in words, by row
@@ -273,7 +273,7 @@ class Walker:
 
         What stands before it pushes back what was retracted.
         """
-        if not _is_same(begin, to):
+        if not _is_same(begin, to, self.document.decimals[0]):
             return False
         owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
@@ -379,22 +379,22 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
     }
 
 
-def _apart_in_file(path: Floats, offsets: Ints) -> Flags:
-    """Tell which points a file of three decimals tells from the one before in their path, (n,).
+def _apart_in_file(path: Floats, offsets: Ints, decimals: int) -> Flags:
+    """Tell which points a file of so many decimals tells from the one before in their path, (n,).
 
     Path i is path[offsets[i]:offsets[i + 1]].
     """
-    steps = np.abs(np.diff(np.round(path, 3), axis=0, prepend=np.inf))
-    apart = np.asarray((steps > 1e-6).any(axis=1))
+    steps = np.abs(np.diff(np.round(path, decimals), axis=0, prepend=np.inf))
+    apart = np.asarray((steps > 0.5 * 10.0**-decimals).any(axis=1))
     apart[offsets[:-1][offsets[:-1] < len(path)]] = False
     return apart
 
 
-def _is_same(one: list[float], other: list[float]) -> bool:
-    """Tell whether a file of three decimals has two points as one."""
+def _is_same(one: list[float], other: list[float], decimals: int) -> bool:
+    """Tell whether a file of so many decimals has two points as one."""
     if max(abs(a - b) for a, b in zip(one, other, strict=True)) > SAME_MM:
         return False  # rounding takes no more than half a digit from each
-    return all(round(a, 3) == round(b, 3) for a, b in zip(one, other, strict=True))
+    return all(round(a, decimals) == round(b, decimals) for a, b in zip(one, other, strict=True))
 
 
 def _distance(point: Floats, path: Floats) -> float:
