@@ -34,10 +34,10 @@ from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idling, check_idle
 from sim.heads.laid import SAME_MM
 from sim.heads.ledger import Printed, behind, belongs_to_bead, check_filament, dues_of
-from sim.heads.macros import check_words
 from sim.heads.order import FileParts, Intervals, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, Walk, Walker, differing
+from sim.heads.words import check_words
 
 Point = tuple[float, float, float]
 

@@ -18,53 +18,33 @@ from decmcts.experiments.run import experiment as run_experiment
 NameArgument = Annotated[str | None, typer.Argument(help="Which one; without it all are listed")]
 FolderOption = Annotated[
     Path,
-    typer.Option(
-        "-o", "--output", rich_help_panel=opt.BASICS, metavar="FOLDER",
-        help="Gets NAME.csv, NAME.md and NAME.png; rows that are there are not computed again",
-    ),
-]  # fmt: skip
-FullOption = Annotated[
-    bool,
-    typer.Option(
-        "--full", rich_help_panel=opt.BASICS, help="All of it, hours; else a minute or two"
+    opt.basics(
+        "-o --output FOLDER",
+        "Gets NAME.csv, NAME.md and NAME.png; rows that are there are not computed again",
     ),
 ]
+FullOption = Annotated[bool, opt.basics("--full", "All of it, hours; else a minute or two")]
 PrintsOption = Annotated[
     Path | None,
-    typer.Option(
-        rich_help_panel=opt.BASICS, metavar="FOLDER",
-        help="G-code of your own, in place of prints made by code",
-    ),
-]  # fmt: skip
+    opt.basics("--prints FOLDER", "G-code of your own, in place of prints made by code"),
+]
 LimitOption = Annotated[
-    float | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="S", min=0.0, help="Processor time of each search"
-    ),
+    float | None, opt.search("--time-limit S", "Processor time of each search", min=0.0)
 ]
 IterationsOption = Annotated[
     int | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1,
-        help="Rounds of each search in place of seconds: equal rows on every computer",
-    ),
-]  # fmt: skip
-SeedsOption = Annotated[
-    int | None, typer.Option(rich_help_panel=opt.SEARCH, metavar="N", min=1, help="How many seeds")
-]
-JobsOption = Annotated[
-    int | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1, help="Processes; default: one a core"
+    opt.search(
+        "--iterations N",
+        "Rounds of each search in place of seconds: equal rows on every computer",
+        min=1,
     ),
 ]
+SeedsOption = Annotated[int | None, opt.search("--seeds N", "How many seeds", min=1)]
+JobsOption = Annotated[int | None, opt.search("--jobs N", "Processes; default: one a core", min=1)]
 ClusterOption = Annotated[
     str | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="ADDRESS",
-        help="Scheduler of a Dask cluster that computes the rows",
-    ),
-]  # fmt: skip
+    opt.search("--cluster ADDRESS", "Scheduler of a Dask cluster that computes the rows"),
+]
 
 
 @app.command()

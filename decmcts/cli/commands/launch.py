@@ -51,68 +51,47 @@ from sim.pictures.layer_travels import require_layer
 
 StemOption = Annotated[
     Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        rich_help_panel=opt.BASICS,
-        metavar="STEM",
-        help="Stem of the G-code files, one a head; of a .qcsp, the schedule's file",
+    opt.basics(
+        "-o --output STEM", "Stem of the G-code files, one a head; of a .qcsp, the schedule's file"
     ),
 ]
 HeadsOption = Annotated[
     str,
-    typer.Option(
-        "--machine",
-        rich_help_panel=opt.BASICS,
-        metavar="NAME|FILE",
-        help="A machine with several heads, such as dual-gantry or rail-3",
+    opt.basics(
+        "--machine NAME|FILE", "A machine with several heads, such as dual-gantry or rail-3"
     ),
 ]
 
 RecordOption = Annotated[
     Path | None,
-    typer.Option(
-        "--record",
-        rich_help_panel=opt.OUTPUT,
-        metavar="FILE",
-        help="Keep what the heads do as they plan, for `decmcts replay`",
-    ),
+    opt.output("--record FILE", "Keep what the heads do as they plan, for `decmcts replay`"),
 ]
 TeamOption = Annotated[
     Path | None,
-    typer.Option(
-        "--team",
-        rich_help_panel=opt.SEARCH,
-        metavar="FILE",
-        help="Parameters of the heads' search, a TOML file (docs/team.md)",
-    ),
+    opt.search("--team FILE", "Parameters of the heads' search, a TOML file (docs/team.md)"),
 ]
 
 
 CutOption = Annotated[
     Cut,
-    typer.Option(
+    opt.search(
         "--cut",
-        rich_help_panel=opt.SEARCH,
-        help="What may be cut so that heads share it, where the print ends sooner so: nothing, "
-        "infill and inner walls, or outer walls too",
+        "What may be cut so that heads share it, where the print ends sooner so: "
+        "nothing, infill and inner walls, or outer walls too",
     ),
 ]
 WeldOption = Annotated[
     float | None,
-    typer.Option(
-        "--weld-limit-s",
-        rich_help_panel=opt.SEARCH,
-        metavar="S",
-        help="The most seconds between the printing of a cut's two ends (default: no limit)",
+    opt.search(
+        "--weld-limit-s S",
+        "The most seconds between the printing of a cut's two ends (default: no limit)",
     ),
 ]
 TeamObjectiveOption = Annotated[
     Objective,
-    typer.Option(
+    opt.search(
         "--objective",
-        rich_help_panel=opt.SEARCH,
-        help="The makespan comes first; this is what one head's own order and the points "
+        "The makespan comes first; this is what one head's own order and the points "
         "contours are entered at save: travel (mm) or time",
     ),
 ]
@@ -270,12 +249,7 @@ def agent(context: typer.Context) -> None:
 
 @app.command()
 def demo(
-    folder: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="FOLDER", help="Folder for the results", rich_help_panel=opt.BASICS
-        ),
-    ] = Path("out"),
+    folder: Annotated[Path, opt.basics("--out FOLDER", "Folder for the results")] = Path("out"),
     time_limit: opt.TimeOption = 15.0,
     seed: opt.SeedOption = 0,
 ) -> None:

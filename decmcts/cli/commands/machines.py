@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import out, print_json
@@ -20,11 +18,9 @@ from decmcts.print.machine import Machine
 def machines(
     draw: Annotated[
         Path | None,
-        typer.Option(
-            "--draw",
-            metavar="FOLDER",
-            help="Folder for a PNG of every machine listed; or, with --machine, a .png or .svg",
-            rich_help_panel=opt.OUTPUT,
+        opt.output(
+            "--draw FOLDER",
+            "Folder for a PNG of every machine listed; or, with --machine, a .png or .svg",
         ),
     ] = None,
     machine: opt.ListedMachineOption = None,

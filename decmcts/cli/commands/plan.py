@@ -84,8 +84,8 @@ def plan(
     allow_slower: opt.SlowerOption = False,
     certificate: Annotated[
         bool,
-        typer.Option(
-            help="Prove how far from optimal the travel is at most", rich_help_panel=opt.SEARCH
+        opt.search(
+            "--certificate/--no-certificate", "Prove how far from optimal the travel is at most"
         ),
     ] = True,
     plan_file: opt.PlanOption = None,

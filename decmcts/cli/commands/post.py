@@ -41,29 +41,16 @@ from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place,
 
 BESIDE_WORDS = "; without FILE next to the exported G-code"
 ReportOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--report",
-        rich_help_panel=opt.OUTPUT,
-        metavar="[FILE]",
-        help=f"Write an HTML report{BESIDE_WORDS}",
-    ),
+    Path | None, opt.output("--report [FILE]", f"Write an HTML report{BESIDE_WORDS}")
 ]
 PictureOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--picture",
-        rich_help_panel=opt.OUTPUT,
-        metavar="[FILE]",
-        help=f"Draw what changed, .png or .svg{BESIDE_WORDS}",
-    ),
+    Path | None, opt.output("--picture [FILE]", f"Draw what changed, .png or .svg{BESIDE_WORDS}")
 ]
 LineOption = Annotated[
     bool,
-    typer.Option(
+    opt.output(
         "--show-line",
-        rich_help_panel=opt.OUTPUT,
-        help="Show the line for the slicer's post-processing scripts, with the options given",
+        "Show the line for the slicer's post-processing scripts, with the options given",
     ),
 ]
 

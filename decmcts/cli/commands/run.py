@@ -45,48 +45,26 @@ from sim.controllers.timing import Timing
 PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json of `launch`")]
 SourceOption = Annotated[
     Path | None,
-    typer.Option(
-        "--source", rich_help_panel=opt.BASICS, metavar="FILE",
-        help="The G-code it was made from; without it nothing is planned anew when a head fails",
-    ),
-]  # fmt: skip
-SimulatedOption = Annotated[
-    bool,
-    typer.Option("--simulated", rich_help_panel=opt.BASICS, help="With simulated controllers"),
-]
-SpeedOption = Annotated[
-    float,
-    typer.Option(
-        rich_help_panel=opt.BASICS, metavar="TIMES", help="How many times as fast as the world"
+    opt.basics(
+        "--source FILE",
+        "The G-code it was made from; without it nothing is planned anew when a head fails",
     ),
 ]
-LossOption = Annotated[
-    float,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="SHARE", help="Of the agents' messages, lost: 0.2"
-    ),
-]
+SimulatedOption = Annotated[bool, opt.basics("--simulated", "With simulated controllers")]
+SpeedOption = Annotated[float, opt.basics("--speed TIMES", "How many times as fast as the world")]
+LossOption = Annotated[float, opt.search("--loss SHARE", "Of the agents' messages, lost: 0.2")]
 DelayOption = Annotated[
-    float,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="S",
-        help="Seconds of the print by which messages are late, at most",
-    ),
-]  # fmt: skip
-ReplanOption = Annotated[
-    float,
-    typer.Option(rich_help_panel=opt.SEARCH, metavar="S", help="Time of a search for what is left"),
+    float, opt.search("--delay S", "Seconds of the print by which messages are late, at most")
 ]
+ReplanOption = Annotated[float, opt.search("--replan-time S", "Time of a search for what is left")]
 EventsOption = Annotated[
     Path | None,
-    typer.Option(
-        "--events", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Keep what happens (docs/events.md); of plans made anew beside it, with the plans",
+    opt.output(
+        "--events FILE",
+        "Keep what happens (docs/events.md); of plans made anew beside it, with the plans",
     ),
-]  # fmt: skip
-WatchOption = Annotated[
-    bool, typer.Option("--watch", rich_help_panel=opt.OUTPUT, help="Show heads while they print")
 ]
+WatchOption = Annotated[bool, opt.output("--watch", "Show heads while they print")]
 
 
 @app.command()

@@ -43,60 +43,34 @@ Inputs = Annotated[
 ]
 TimingOption = Annotated[
     Timing,
-    typer.Option(
-        rich_help_panel=opt.SEARCH,
-        help="Errors of time; adversarial: the delays that bring heads nearest",
-    ),
+    opt.search("--timing", "Errors of time; adversarial: the delays that bring heads nearest"),
 ]
 ErrorOption = Annotated[
     float,
-    typer.Option(
-        "--error", rich_help_panel=opt.SEARCH, metavar="SHARE", min=0.0, max=0.99,
-        help="How large errors are: 0.2 for 20 % of the time",
+    opt.search(
+        "--error SHARE", "How large errors are: 0.2 for 20 % of the time", min=0.0, max=0.99
     ),
-]  # fmt: skip
+]
 TrialsOption = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1, max=100_000,
-        help="How often errors are drawn",
-    ),
-]  # fmt: skip
+    int, opt.search("--trials N", "How often errors are drawn", min=1, max=100000)
+]
 QueueOption = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1, max=100_000,
-        help="Moves that a controller plans ahead",
-    ),
-]  # fmt: skip
+    int, opt.search("--queue N", "Moves that a controller plans ahead", min=1, max=100000)
+]
 EventsOption = Annotated[
     Path | None,
-    typer.Option(
-        "--events", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Keep what happens without errors as events (docs/events.md)",
-    ),
-]  # fmt: skip
-CsvOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--csv", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Keep where heads are over time",
-    ),
-]  # fmt: skip
+    opt.output("--events FILE", "Keep what happens without errors as events (docs/events.md)"),
+]
+CsvOption = Annotated[Path | None, opt.output("--csv FILE", "Keep where heads are over time")]
 EveryOption = Annotated[
-    float,
-    typer.Option(
-        "--csv-every-s", rich_help_panel=opt.OUTPUT, metavar="S", min=0.001, max=1e6,
-        help="Seconds between two rows of it",
-    ),
-]  # fmt: skip
+    float, opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1000000.0)
+]
 RunPictureOption = Annotated[
     Path | None,
-    typer.Option(
-        "--picture", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Draw what heads do over time, and how near they come: .png or .svg",
+    opt.output(
+        "--picture FILE", "Draw what heads do over time, and how near they come: .png or .svg"
     ),
-]  # fmt: skip
+]
 MOST_ROWS = 2_000_000
 SHOWN = 5  # contacts with the print that are shown in words
 

@@ -18,47 +18,23 @@ from sim.verdict_lines import checked_lines, nearest_facts
 ResultArgument = Annotated[
     list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
 ]
-SourceOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--source", rich_help_panel=opt.BASICS, metavar="FILE", help="The G-code it was made from"
-    ),
-]
+SourceOption = Annotated[Path | None, opt.basics("--source FILE", "The G-code it was made from")]
 MadeFromOption = Annotated[
     Path | None,
-    typer.Option(
-        "--plan",
-        rich_help_panel=opt.BASICS,
-        metavar="FILE",
-        help="Of files of several heads: the plan.json they were made from",
-    ),
+    opt.basics("--plan FILE", "Of files of several heads: the plan.json they were made from"),
 ]
 RestOfOption = Annotated[
     Path | None,
-    typer.Option(
-        "--rest-of",
-        rich_help_panel=opt.BASICS,
-        metavar="PLAN.json",
-        help="Of what `replan` left: the plan that was broken off, of which it must be a part",
+    opt.basics(
+        "--rest-of PLAN.json",
+        "Of what `replan` left: the plan that was broken off, of which it must be a part",
     ),
 ]
 TrialsOption = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=opt.SEARCH,
-        metavar="N",
-        min=1,
-        help="Random timing trials of a joint plan",
-    ),
+    int, opt.search("--trials N", "Random timing trials of a joint plan", min=1)
 ]
 VerboseOption = Annotated[
-    bool,
-    typer.Option(
-        "-v",
-        "--verbose",
-        rich_help_panel=opt.OUTPUT,
-        help="Say all rules, and where it came nearest",
-    ),
+    bool, opt.output("-v --verbose", "Say all rules, and where it came nearest")
 ]
 
 
