@@ -62,7 +62,7 @@ def experiment(
     """Run an experiment that comes with the program; exit code 1 if some of its runs failed."""
     if name is None:
         for each in EXPERIMENTS.values():
-            out.print(f"{each.name:22}{each.question}", soft_wrap=True)
+            out.show(f"{each.name:22}{each.question}")
         return
     by = nullcontext(None) if cluster is None else cluster_at(cluster)
     with steps() as told, by as executor:
@@ -70,8 +70,8 @@ def experiment(
             name, folder, full=full, prints=prints, time_limit_s=time_limit,
             iterations=iterations, seeds=seeds, jobs=jobs, executor=executor, report=told,
         )  # fmt: skip
-    out.print(found.page, soft_wrap=True)
+    out.show(found.page)
     for path in found.paths:
-        out.print(f"wrote {path}", soft_wrap=True)
+        out.show(f"wrote {path}")
     if found.failed:
         raise typer.Exit(1)

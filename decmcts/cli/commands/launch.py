@@ -227,15 +227,12 @@ def show_joint(
     """Print a title, what a joint plan gains, some lines more and what was written."""
     planned = result.planned
     before, after = planned.before.metrics, planned.after.metrics
-    for note in (*source_lines(planned.problem.job), *lines_of(after["team"])):
-        err.print(note, soft_wrap=True)
-    out.print(title, soft_wrap=True)
+    err.show(*source_lines(planned.problem.job), *lines_of(after["team"]))
+    out.show(title)
     out.print(gain_table(before, after, verbose=verbose))
     searched = searched_line(after) if verbose else ""
     heads = team_lines(after, [head.head for head in result.document.plan.heads])
-    for line in (searched, *heads, *more, *(f"wrote {path}" for path in paths)):
-        if line:
-            out.print(line, soft_wrap=True)
+    out.show(searched, *heads, *more, *(f"wrote {path}" for path in paths))
 
 
 @app.command(

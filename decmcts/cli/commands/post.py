@@ -123,7 +123,7 @@ def named_beside(exported: Path, ending: str) -> Path | None:
     path = beside(exported, ending)
     if not is_foreign(path):
         return path
-    err.print(f"{path} is left as it is: it is not ours; name another file", soft_wrap=True)
+    err.show(f"{path} is left as it is: it is not ours; name another file")
     return None
 
 
@@ -133,9 +133,8 @@ def show_script_line(context: typer.Context) -> None:
     if context.params["path"] is not None:
         raise InputError("the slicer names the file itself", advice="leave it out with --show-line")
     line = script_line(own_program(), ["post", *wherever_it_runs(words)], windows=os.name == "nt")
-    out.print(line, soft_wrap=True)
-    for where in WHERE:
-        err.print(where, soft_wrap=True)
+    out.show(line)
+    err.show(*WHERE)
 
 
 def show_planned_already(before: AsSliced, path: Path, *, views: bool, as_json: bool) -> None:
@@ -147,10 +146,9 @@ def show_planned_already(before: AsSliced, path: Path, *, views: bool, as_json: 
         said = {"input": str(path), "kept_source": True, "planned_already": before.version}
         print_json("decmcts-result/1", {**said, "written": []})
         return
-    out.print(
+    out.show(
         f"{path}: left as it was; decmcts {before.version} has planned it already "
-        f"(`decmcts plan` searches on){'; so there is nothing to show' if views else ''}",
-        soft_wrap=True,
+        f"(`decmcts plan` searches on){'; so there is nothing to show' if views else ''}"
     )
 
 
@@ -181,6 +179,4 @@ def show_rewritten(
             layers_line(planned),
         ]
     lines += [searched_line(after) if verbose else None, *(f"wrote {view}" for view in views)]
-    for line in lines:
-        if line:
-            out.print(line, soft_wrap=True)
+    out.show(*lines)

@@ -173,7 +173,7 @@ class _Watch:
                 f"{h.name} {h.does} {h.share:.0%}" + (f" for {h.waits_for}" if h.waits_for else "")
                 for h in view.heads
             )
-            err.print(f"{clock_time(view.time_s)}: {heads}", soft_wrap=True)
+            err.show(f"{clock_time(view.time_s)}: {heads}")
 
 
 def table_of(view: RunView) -> Table:
@@ -272,28 +272,28 @@ def figures(result: RunResult) -> dict[str, Any]:
 def show(result: RunResult) -> None:
     """Print what came of it."""
     off = result.makespan_s / result.planned_s - 1.0 if result.planned_s else 0.0
-    out.print(
+    out.show(
         f"print time {clock_time(result.makespan_s)}, {abs(off):.1%} "
-        f"{'more' if off >= 0.0 else 'less'} than planned", soft_wrap=True,
-    )  # fmt: skip
+        f"{'more' if off >= 0.0 else 'less'} than planned"
+    )
     done = result.contours - result.unprinted
     out.print(f"{done:,} of {result.contours:,} contours printed")
     for failure in result.failures:
-        out.print(_failed(failure), soft_wrap=True)
+        out.show(_failed(failure))
     for line in (*result.others, *result.left, *([result.reason] if result.reason else [])):
-        out.print(line, soft_wrap=True)
+        out.show(line)
     for head, name in enumerate(result.names):
         mine = [wait for wait in result.waits if wait.head == head]
         if mine:
             longest = max(mine, key=lambda wait: wait.seconds)
-            out.print(
+            out.show(
                 f"{name} waited {sum(w.seconds for w in mine):.0f} s, longest for "
-                f"{result.names[longest.by]}: {longest.seconds:.1f} s", soft_wrap=True,
-            )  # fmt: skip
+                f"{result.names[longest.by]}: {longest.seconds:.1f} s"
+            )
     for near in result.near:
         if math.isfinite(near.gap_mm):
             which = " and ".join(result.names[h] for h in near.heads)
-            out.print(f"{which}: {near.gap_mm:.2f} mm apart at least", soft_wrap=True)
+            out.show(f"{which}: {near.gap_mm:.2f} mm apart at least")
     if len(result.names) > 1:
         out.print(f"{result.contacts} contact{'s' * (result.contacts != 1)} of heads")
 

@@ -132,7 +132,7 @@ def simulate(
         show(found)
         for path in (events, csv, picture, report):
             if path is not None:
-                out.print(f"wrote {path}", soft_wrap=True)
+                out.show(f"wrote {path}")
     if not found.simulation.safe:
         raise typer.Exit(1)
 
@@ -217,7 +217,7 @@ def show(found: Simulated) -> None:
     beside = ""
     if plan and math.isfinite(end):
         beside = f", {abs(end - plan) / plan:.2%} {'more' if end > plan else 'less'} than planned"
-    out.print(f"print time {ends}{beside}", soft_wrap=True)
+    out.show(f"print time {ends}{beside}")
     if simulation.begin_s > 0.0 and len(simulation.programs) > 1:
         out.print(f"before it, heads heat and are set up for {clock_time(simulation.begin_s)}")
     table = Table(show_edge=False, pad_edge=False)
@@ -230,8 +230,7 @@ def show(found: Simulated) -> None:
             f"{head.filament_mm:,.0f} mm", str(head.rests_in_beads),
         )  # fmt: skip
     out.print(table)
-    for line in nearest_lines(found):
-        out.print(line, soft_wrap=True)
+    out.show(*nearest_lines(found))
 
 
 def nearest_lines(found: Simulated) -> list[str]:
@@ -270,9 +269,9 @@ def nearest_lines(found: Simulated) -> list[str]:
     if stuck:
         lines.append(f"waits for ever: {', '.join(sorted(stuck))}")
     if touch:
-        err.print("heads touch: these files must not be run together", soft_wrap=True)
+        err.show("heads touch: these files must not be run together")
     if simulation.print_contacts:
-        err.print("a head touches the print: this must not be run", soft_wrap=True)
+        err.show("a head touches the print: this must not be run")
     return lines
 
 

@@ -86,11 +86,11 @@ def show(verdict: Verdict, names: str, *, as_json: bool, verbose: bool = False) 
         print_json("decmcts-verdict/1", {"file": names, **found})
         return
     for fault in verdict.faults:
-        out.print(str(fault), soft_wrap=True, markup=False)
+        out.show(str(fault))
     for line in verdict.warnings:
-        err.print(f"warning, as in the source: {line}", soft_wrap=True, markup=False)
+        err.show(f"warning, as in the source: {line}")
     n = len(verdict.faults)
     state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
     for line in checked_lines(verdict, verbose=verbose):
-        err.print(line, soft_wrap=True, markup=False)
-    err.print(f"{names}: {state}", soft_wrap=True)
+        err.show(line)
+    err.show(f"{names}: {state}")
