@@ -17,7 +17,6 @@ from functools import cache, partial
 import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
@@ -25,6 +24,7 @@ from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
 from sim.heads.file import HeadFile
 from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, ContourMoves, pairs_of_states
+from sim.heads.states import Settings, in_force, words_of
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
@@ -86,14 +86,16 @@ class Walker:
     def __init__(
         self, file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument,
         begin: int, end: int, blocks: set[int], waited: Mapping[int, int], practice: Practice,
+        kept: Settings,
     ) -> None:  # fmt: skip
         """Take for each action the last of its points that another head waits for (`waited`).
 
-        `practice` is what the head does where it stands idle.
+        `practice` is what the head does where it stands idle, `kept` as in `differing`.
         """
         self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
+        self._kept = kept
         self._moves = _PlainMoves.of(file)
         self._line, self._stays = self._moves.line, self._moves.stays
         self._trusts = True  # that beads are as they should be: they are looked at later
@@ -104,8 +106,8 @@ class Walker:
         self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
-        self._ours = cache(partial(_in_force, file.track.table))  # states in words, by row
-        self._theirs = cache(partial(_in_force, document.states))
+        self._ours = cache(partial(in_force, file.track.table))  # states in words, by row
+        self._theirs = cache(partial(in_force, document.states))
         starts = [*document.starts, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
         first = int(job.contours.epoch.min(initial=0))
@@ -354,29 +356,9 @@ class Walker:
     def _other_state(self, mine: int, row: int) -> str:
         """Return in words how a state of the file differs from the source's row."""
         if (mine, row) not in self._alike:
-            self._alike[mine, row] = ", ".join(_words_of(self._ours(mine), self._theirs(row)))
+            words = words_of(self._ours(mine), self._theirs(row), self._kept)
+            self._alike[mine, row] = ", ".join(words)
         return self._alike[mine, row]
-
-
-def differing(ours: StateTable, row: int, theirs: StateTable, due: int) -> list[str]:
-    """Return in words how a state in force differs from the state that is due."""
-    return _words_of(_in_force(ours, row), _in_force(theirs, due))
-
-
-def _words_of(has: set[tuple[str, str]], wanted: set[tuple[str, str]]) -> list[str]:
-    """Return in words what is in force and what should be."""
-    words = [f"in force is '{text}'" for _, text in sorted(has - wanted)]
-    return words + [f"not in force is '{text}'" for _, text in sorted(wanted - has)]
-
-
-def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
-    """Return name and text of the states that command something and are not set by blocks alone."""
-    pairs = zip(table.slots, table.rows[row].tolist(), strict=True)
-    return {
-        (slot, table.values[v])
-        for slot, v in pairs
-        if v and slot not in DESCRIBES and not slot.startswith(SILENT)
-    }
 
 
 def _apart_in_file(path: Floats, offsets: Ints, decimals: int) -> Flags:
