@@ -49,65 +49,36 @@ from decmcts.team.dec_mcts.parameters import read_parameters
 from decmcts.team.engine.space import eligibility
 from sim.pictures.layer_travels import require_layer
 
-StemOption = Annotated[
-    Path | None,
-    opt.basics(
-        "-o --output STEM", "Stem of the G-code files, one a head; of a .qcsp, the schedule's file"
-    ),
-]
-HeadsOption = Annotated[
-    str,
-    opt.basics(
-        "--machine NAME|FILE", "A machine with several heads, such as dual-gantry or rail-3"
-    ),
-]
-
-RecordOption = Annotated[
-    Path | None,
-    opt.output("--record FILE", "Keep what the heads do as they plan, for `decmcts replay`"),
-]
-TeamOption = Annotated[
-    Path | None,
-    opt.search("--team FILE", "Parameters of the heads' search, a TOML file (docs/team.md)"),
-]
-
-
-CutOption = Annotated[
-    Cut,
-    opt.search(
-        "--cut",
-        "What may be cut so that heads share it, where the print ends sooner so: "
-        "nothing, infill and inner walls, or outer walls too",
-    ),
-]
-WeldOption = Annotated[
-    float | None,
-    opt.search(
-        "--weld-limit-s S",
-        "The most seconds between the printing of a cut's two ends (default: no limit)",
-    ),
-]
-TeamObjectiveOption = Annotated[
-    Objective,
-    opt.search(
-        "--objective",
-        "The makespan comes first; this is what one head's own order and the points "
-        "contours are entered at save: travel (mm) or time",
-    ),
-]
-
 
 @app.command()
 def launch(
     context: typer.Context,
     source: opt.Input,
-    output: StemOption = None,
-    machine: HeadsOption = "dual-gantry",
+    output: Annotated[
+        Path | None,
+        opt.basics(
+            "-o --output STEM",
+            "Stem of the G-code files, one a head; of a .qcsp, the schedule's file",
+        ),
+    ] = None,
+    machine: Annotated[
+        str,
+        opt.basics(
+            "--machine NAME|FILE", "A machine with several heads, such as dual-gantry or rail-3"
+        ),
+    ] = "dual-gantry",
     plate: opt.PlateOption = None,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = ProcessOrder.KEEP,
-    objective: TeamObjectiveOption = Objective.TRAVEL,
+    objective: Annotated[
+        Objective,
+        opt.search(
+            "--objective",
+            "The makespan comes first; this is what one head's own order and the points "
+            "contours are entered at save: travel (mm) or time",
+        ),
+    ] = Objective.TRAVEL,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
@@ -115,14 +86,33 @@ def launch(
     without_tower: opt.TowerOption = False,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
-    team: TeamOption = None,
-    cut: CutOption = Cut.INSIDE,
-    weld_limit_s: WeldOption = None,
+    team: Annotated[
+        Path | None,
+        opt.search("--team FILE", "Parameters of the heads' search, a TOML file (docs/team.md)"),
+    ] = None,
+    cut: Annotated[
+        Cut,
+        opt.search(
+            "--cut",
+            "What may be cut so that heads share it, where the print ends sooner so: "
+            "nothing, infill and inner walls, or outer walls too",
+        ),
+    ] = Cut.INSIDE,
+    weld_limit_s: Annotated[
+        float | None,
+        opt.search(
+            "--weld-limit-s S",
+            "The most seconds between the printing of a cut's two ends (default: no limit)",
+        ),
+    ] = None,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
     picture_layer: opt.LayerOption = None,
-    record: RecordOption = None,
+    record: Annotated[
+        Path | None,
+        opt.output("--record FILE", "Keep what the heads do as they plan, for `decmcts replay`"),
+    ] = None,
     as_json: opt.JsonOption = False,
     verbose: opt.VerboseOption = False,
 ) -> None:

@@ -40,19 +40,6 @@ from decmcts.planning.writing.lines import layers_line
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place, refuse_unwritable
 
 BESIDE_WORDS = "; without FILE next to the exported G-code"
-ReportOption = Annotated[
-    Path | None, opt.output("--report [FILE]", f"Write an HTML report{BESIDE_WORDS}")
-]
-PictureOption = Annotated[
-    Path | None, opt.output("--picture [FILE]", f"Draw what changed, .png or .svg{BESIDE_WORDS}")
-]
-LineOption = Annotated[
-    bool,
-    opt.output(
-        "--show-line",
-        "Show the line for the slicer's post-processing scripts, with the options given",
-    ),
-]
 
 
 @app.command(cls=OptionalFiles)
@@ -77,11 +64,22 @@ def post(
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     make_safe: opt.MakeSafeOption = False,
-    report: ReportOption = None,
-    picture: PictureOption = None,
+    report: Annotated[
+        Path | None, opt.output("--report [FILE]", f"Write an HTML report{BESIDE_WORDS}")
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        opt.output("--picture [FILE]", f"Draw what changed, .png or .svg{BESIDE_WORDS}"),
+    ] = None,
     as_json: opt.JsonOption = False,
     verbose: opt.VerboseOption = False,
-    show_line: LineOption = False,
+    show_line: Annotated[
+        bool,
+        opt.output(
+            "--show-line",
+            "Show the line for the slicer's post-processing scripts, with the options given",
+        ),
+    ] = False,
 ) -> None:
     """Reorder a G-code file in place, as a slicer's post-processing script."""
     if show_line:

@@ -39,32 +39,6 @@ from decmcts.print.print_state import (
     state_of_layers,
 )
 
-PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json that was carried out")]
-SourceOption = Annotated[Path, opt.basics("--source FILE", "The G-code it was made from")]
-EventsOption = Annotated[
-    Path | None, opt.basics("--events FILE", "What happened until then (docs/events.md)")
-]
-PrintedOption = Annotated[
-    int | None, opt.basics("--layer N", "Layers 1 to N are printed, and nothing above")
-]
-HeightOption = Annotated[
-    float | None,
-    opt.basics("--height Z", "What ends Z mm above the bed or lower is printed, and nothing above"),
-]
-FencedOption = Annotated[
-    list[str] | None,
-    opt.basics(
-        "--fenced HEAD[=park|=X,Y,Z]",
-        "A head that prints no more, and where it stands; may be given more than once",
-    ),
-]
-SlowerOption = Annotated[
-    list[str] | None,
-    opt.basics(
-        "--slower HEAD=FACTOR",
-        "A head that takes so many times as long as planned; may be given more than once",
-    ),
-]
 PrintWithOption = Annotated[
     list[str] | None,
     opt.basics(
@@ -79,23 +53,44 @@ LeftOption = Annotated[
         "--left-beads", "A bead that was broken off is finished from there, or left as it is"
     ),
 ]
-StemOption = Annotated[
-    Path | None, opt.basics("-o --output STEM", "Stem of the G-code files of the rest, one a head")
-]
 
 
 @app.command()
 def replan(
-    plan: PlanArgument,
-    source: SourceOption,
-    events: EventsOption = None,
-    layer: PrintedOption = None,
-    height: HeightOption = None,
-    fenced: FencedOption = None,
-    slower: SlowerOption = None,
+    plan: Annotated[Path, typer.Argument(help="PLAN.json that was carried out")],
+    source: Annotated[Path, opt.basics("--source FILE", "The G-code it was made from")],
+    events: Annotated[
+        Path | None, opt.basics("--events FILE", "What happened until then (docs/events.md)")
+    ] = None,
+    layer: Annotated[
+        int | None, opt.basics("--layer N", "Layers 1 to N are printed, and nothing above")
+    ] = None,
+    height: Annotated[
+        float | None,
+        opt.basics(
+            "--height Z", "What ends Z mm above the bed or lower is printed, and nothing above"
+        ),
+    ] = None,
+    fenced: Annotated[
+        list[str] | None,
+        opt.basics(
+            "--fenced HEAD[=park|=X,Y,Z]",
+            "A head that prints no more, and where it stands; may be given more than once",
+        ),
+    ] = None,
+    slower: Annotated[
+        list[str] | None,
+        opt.basics(
+            "--slower HEAD=FACTOR",
+            "A head that takes so many times as long as planned; may be given more than once",
+        ),
+    ] = None,
     print_with: PrintWithOption = None,
     left_beads: LeftOption = LeftBeads.LEAVE,
-    output: StemOption = None,
+    output: Annotated[
+        Path | None,
+        opt.basics("-o --output STEM", "Stem of the G-code files of the rest, one a head"),
+    ] = None,
     plan_file: opt.PlanOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,

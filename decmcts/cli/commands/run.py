@@ -42,49 +42,43 @@ from decmcts.print.plan import PlanDocument
 from sim.controllers.motion import QUEUE
 from sim.controllers.timing import Timing
 
-PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json of `launch`")]
-SourceOption = Annotated[
-    Path | None,
-    opt.basics(
-        "--source FILE",
-        "The G-code it was made from; without it nothing is planned anew when a head fails",
-    ),
-]
-SimulatedOption = Annotated[bool, opt.basics("--simulated", "With simulated controllers")]
-SpeedOption = Annotated[float, opt.basics("--speed TIMES", "How many times as fast as the world")]
-LossOption = Annotated[float, opt.search("--loss SHARE", "Of the agents' messages, lost: 0.2")]
-DelayOption = Annotated[
-    float, opt.search("--delay S", "Seconds of the print by which messages are late, at most")
-]
-ReplanOption = Annotated[float, opt.search("--replan-time S", "Time of a search for what is left")]
-EventsOption = Annotated[
-    Path | None,
-    opt.output(
-        "--events FILE",
-        "Keep what happens (docs/events.md); of plans made anew beside it, with the plans",
-    ),
-]
-WatchOption = Annotated[bool, opt.output("--watch", "Show heads while they print")]
-
 
 @app.command()
 def run(
-    plan: PlanArgument,
-    source: SourceOption = None,
-    simulated: SimulatedOption = False,
-    speed: SpeedOption = 1.0,
+    plan: Annotated[Path, typer.Argument(help="PLAN.json of `launch`")],
+    source: Annotated[
+        Path | None,
+        opt.basics(
+            "--source FILE",
+            "The G-code it was made from; without it nothing is planned anew when a head fails",
+        ),
+    ] = None,
+    simulated: Annotated[bool, opt.basics("--simulated", "With simulated controllers")] = False,
+    speed: Annotated[
+        float, opt.basics("--speed TIMES", "How many times as fast as the world")
+    ] = 1.0,
     timing: TimingOption = Timing.NONE,
     error: ErrorOption = 0.2,
     seed: opt.SeedOption = 0,
     queue: QueueOption = QUEUE,
-    loss: LossOption = 0.0,
-    delay: DelayOption = 0.0,
-    replan_time: ReplanOption = 5.0,
+    loss: Annotated[float, opt.search("--loss SHARE", "Of the agents' messages, lost: 0.2")] = 0.0,
+    delay: Annotated[
+        float, opt.search("--delay S", "Seconds of the print by which messages are late, at most")
+    ] = 0.0,
+    replan_time: Annotated[
+        float, opt.search("--replan-time S", "Time of a search for what is left")
+    ] = 5.0,
     print_with: PrintWithOption = None,
     left_beads: LeftOption = LeftBeads.FINISH,
-    events: EventsOption = None,
+    events: Annotated[
+        Path | None,
+        opt.output(
+            "--events FILE",
+            "Keep what happens (docs/events.md); of plans made anew beside it, with the plans",
+        ),
+    ] = None,
     report: opt.ReportOption = None,
-    watch: WatchOption = False,
+    watch: Annotated[bool, opt.output("--watch", "Show heads while they print")] = False,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Carry a plan out, an agent and a controller a head; exit code 1 if not all is printed.

@@ -34,13 +34,6 @@ from sim.controllers.print_contacts import PrintContact
 from sim.controllers.simulate import Simulation, Trial
 from sim.controllers.timing import Timing
 
-Inputs = Annotated[
-    list[Path],
-    typer.Argument(
-        help="PLAN.json, with or without the files of its heads; the files of all heads; "
-        "or any one G-code file"
-    ),
-]
 TimingOption = Annotated[
     Timing,
     opt.search("--timing", "Errors of time; adversarial: the delays that bring heads nearest"),
@@ -51,25 +44,8 @@ ErrorOption = Annotated[
         "--error SHARE", "How large errors are: 0.2 for 20 % of the time", min=0.0, max=0.99
     ),
 ]
-TrialsOption = Annotated[
-    int, opt.search("--trials N", "How often errors are drawn", min=1, max=100000)
-]
 QueueOption = Annotated[
-    int, opt.search("--queue N", "Moves that a controller plans ahead", min=1, max=100000)
-]
-EventsOption = Annotated[
-    Path | None,
-    opt.output("--events FILE", "Keep what happens without errors as events (docs/events.md)"),
-]
-CsvOption = Annotated[Path | None, opt.output("--csv FILE", "Keep where heads are over time")]
-EveryOption = Annotated[
-    float, opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1000000.0)
-]
-RunPictureOption = Annotated[
-    Path | None,
-    opt.output(
-        "--picture FILE", "Draw what heads do over time, and how near they come: .png or .svg"
-    ),
+    int, opt.search("--queue N", "Moves that a controller plans ahead", min=1, max=100_000)
 ]
 MOST_ROWS = 2_000_000
 SHOWN = 5  # contacts with the print that are shown in words
@@ -77,17 +53,36 @@ SHOWN = 5  # contacts with the print that are shown in words
 
 @app.command()
 def simulate(
-    inputs: Inputs,
+    inputs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="PLAN.json, with or without the files of its heads; the files of all heads; "
+            "or any one G-code file"
+        ),
+    ],
     machine: opt.MachineOption = None,
     timing: TimingOption = Timing.NONE,
     error: ErrorOption = 0.2,
-    trials: TrialsOption = 10,
+    trials: Annotated[
+        int, opt.search("--trials N", "How often errors are drawn", min=1, max=100_000)
+    ] = 10,
     seed: opt.SeedOption = 0,
     queue: QueueOption = QUEUE,
-    events: EventsOption = None,
-    csv: CsvOption = None,
-    csv_every_s: EveryOption = 1.0,
-    picture: RunPictureOption = None,
+    events: Annotated[
+        Path | None,
+        opt.output("--events FILE", "Keep what happens without errors as events (docs/events.md)"),
+    ] = None,
+    csv: Annotated[Path | None, opt.output("--csv FILE", "Keep where heads are over time")] = None,
+    csv_every_s: Annotated[
+        float,
+        opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1e6),
+    ] = 1.0,
+    picture: Annotated[
+        Path | None,
+        opt.output(
+            "--picture FILE", "Draw what heads do over time, and how near they come: .png or .svg"
+        ),
+    ] = None,
     report: opt.ReportOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
