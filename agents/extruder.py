@@ -21,7 +21,7 @@ from typing import NoReturn
 
 from agents.agreeing.events import Leave, PlanningEnded, PlanReleased
 from agents.launching.places import remove_left
-from agents.launching.processes import PIPED, PREFIX
+from agents.launching.processes import PIPED, failed
 from agents.loop.agent import TICK_S, Agent
 from agents.loop.pipes import PipeFront, TerminalFront, line_of
 from agents.messages.digests import apart
@@ -30,7 +30,6 @@ from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
 from agents.planners.planner import AgentPlanner
 from decmcts.errors import InputError
-from decmcts.formats.files.names import harmless
 from decmcts.leaving import leave
 
 LINGER_S = 10.0
@@ -237,7 +236,7 @@ def main(
         load()
         handed = pipe.arguments()
     except Exception as error:
-        return _failed(error)
+        return failed(error)
     code = 0 if handed is None else _run_with(handed, make_planner, pipe)
     pipe.sweep()
     return code
@@ -256,17 +255,8 @@ def _run_with(
     except Exception as error:
         if given is not None and given.debug and not isinstance(error, InputError):
             raise
-        return _failed(error)
+        return failed(error)
     return 0
-
-
-def _failed(error: Exception) -> int:
-    """Say in the line the launcher shows what went wrong; a trace helps nobody there."""
-    if isinstance(error, InputError):
-        print(harmless(f"{PREFIX}{error}"), file=sys.stderr)
-        return 2
-    print(harmless(f"{PREFIX}{type(error).__name__}: {error}"), file=sys.stderr)
-    return 1
 
 
 if __name__ == "__main__":

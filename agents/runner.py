@@ -14,7 +14,6 @@ import math
 import os
 import queue
 import signal
-import sys
 import threading
 import time
 from hashlib import blake2b
@@ -24,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from agents.launching.places import remove_left
-from agents.launching.processes import PREFIX
+from agents.launching.processes import failed
 from agents.loop.pipes import PipeFront, any_command
 from agents.networks.lossy import LossyTransport
 from agents.networks.memory import Weather
@@ -34,8 +33,6 @@ from agents.running.carrier import Carrier, NumberedPlan
 from agents.running.clock import PrintClock
 from agents.running.port import ALIVE_S, SILENT_S, Pipe, Ready, ReleaseActions, pack, write_all
 from agents.running.report import KIND, Reached, unpack_report
-from decmcts.errors import InputError
-from decmcts.formats.files.names import harmless
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.leaving import leave
 
@@ -218,8 +215,7 @@ def main() -> int:
             runner.run()
             runner.transport = NoNetwork()
     except Exception as error:
-        print(harmless(f"{PREFIX}{type(error).__name__}: {error}"), file=sys.stderr)
-        return 2 if isinstance(error, InputError) else 1
+        return failed(error)
     return 0
 
 

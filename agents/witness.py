@@ -12,16 +12,13 @@ from __future__ import annotations
 
 import argparse
 import signal
-import sys
 import time
 
-from agents.launching.processes import PREFIX
+from agents.launching.processes import failed
 from agents.loop.pipes import PipeFront, any_command
 from agents.networks.transport import Packet
 from agents.networks.zenoh_transport import ZenohTransport
 from agents.running.report import KIND
-from decmcts.errors import InputError
-from decmcts.formats.files.names import harmless
 from decmcts.leaving import leave
 
 LISTENS_S = 3.0  # links take up to 1 s; agents speak several times a second
@@ -61,8 +58,7 @@ def main() -> int:
             front.ready("")
             front.write({"event": "heard", "heads": heard_of(transport, given.heads, LISTENS_S)})
     except Exception as error:
-        print(harmless(f"{PREFIX}{type(error).__name__}: {error}"), file=sys.stderr)
-        return 2 if isinstance(error, InputError) else 1
+        return failed(error)
     return 0
 
 

@@ -64,7 +64,7 @@ def ledger(lines: Iterable[str]) -> dict[int, Tool]:
             e = given.get("E", e if given else 0.0)
         elif name == "G28" and "E" in given:
             e = 0.0
-        elif name[:1] == "T" and name[1:].isdigit():
+        elif name[:1] == "T" and name[1:].isdigit() and int(name[1:]) <= 254:
             tool = int(name[1:])
         elif name == "G10" and not given:
             tools[tool].withdrawals += 1

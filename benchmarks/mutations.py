@@ -34,10 +34,11 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
-from sim.experiments.made_print import made_gcode, made_tools_gcode
+from sim.experiments.made_print import made_gcode
 from tests.makers.changes import two_colours
 from tests.makers.dots import made_dots_gcode
 from tests.makers.scarf import scarf_gcode
+from tests.makers.two_tools import made_tools_gcode
 from tests.mutants.catalogue import Mutant, NotHereError
 from tests.mutants.contacts import CONTACT_MUTANTS
 from tests.mutants.dots import DOT_MUTANTS, HEAD_DOT_MUTANTS

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
@@ -17,6 +18,8 @@ from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 from agents.networks.meeting import Meeting
+from decmcts.errors import InputError
+from decmcts.formats.files.names import harmless
 
 _STOP_S = 3.0
 _END_S = 1.0
@@ -148,6 +151,18 @@ class AgentProcess:
             if isinstance(line, dict):
                 receive(AgentLine(self.head, line))
         receive(AgentLine(self.head, None))
+
+
+def failed(error: Exception) -> int:
+    """Write what went wrong as the last line that `last_words` reads; return the exit code.
+
+    For the agent's own process. A trace helps nobody where that line is shown.
+    """
+    if isinstance(error, InputError):
+        print(harmless(f"{PREFIX}{error}"), file=sys.stderr)
+        return BAD_INPUT
+    print(harmless(f"{PREFIX}{type(error).__name__}: {error}"), file=sys.stderr)
+    return 1
 
 
 def _signal_name(number: int) -> str:

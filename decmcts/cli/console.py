@@ -70,7 +70,7 @@ class _Display:
         if isinstance(event, Step):
             self._step(event)
         elif isinstance(event, Note):
-            err.print(event.text, soft_wrap=True)
+            err.show(event.text)
         elif isinstance(event, Searched):
             self._searched(event)
         elif isinstance(event, Heads) and self._table is not None:
@@ -98,7 +98,7 @@ class _Display:
             self._task, description=text, total=step.of or None, completed=max(0, step.number - 1)
         )
         if self._logs:
-            err.print(text, soft_wrap=True)
+            err.show(text)
 
     def _heads_stand(self, heads: Heads, table: Table) -> None:
         if self._heads is None:
@@ -108,7 +108,7 @@ class _Display:
         at_s = max((agent.elapsed_s for agent in heads.agents), default=0.0)
         if self._logs and at_s >= self._said_at_s + LINE_EVERY_S:
             self._said_at_s = at_s
-            err.print(heads_line(heads, at_s, self._limit_s), soft_wrap=True)
+            err.show(heads_line(heads, at_s, self._limit_s))
 
     def _searched(self, state: Searched) -> None:
         # another search began where seconds fall
@@ -123,7 +123,7 @@ class _Display:
         if self._logs and state.seconds >= self._said_at_s + LINE_EVERY_S:
             self._said_at_s = state.seconds
             of = f" of {self._limit_s:g}" if state.seconds <= self._limit_s else ""
-            err.print(f"{state.seconds:.0f}{of} s: {found}", soft_wrap=True)
+            err.show(f"{state.seconds:.0f}{of} s: {found}")
 
 
 @contextmanager
@@ -134,9 +134,7 @@ def written() -> Iterator[None]:
         yield
     except Exception as error:
         what = " ".join(f"{type(error).__name__}: {error}".split())
-        err.print(
-            f"decmcts: what was asked for is written, but not how it went ({what})", soft_wrap=True
-        )
+        err.show(f"decmcts: what was asked for is written, but not how it went ({what})")
 
 
 def above(state: Searched) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,7 +20,26 @@ from decmcts.planning.options import (
     Seam,
 )
 
-BASICS, SEARCH, QUALITY, OUTPUT, MESH = "Basics", "Search", "Quality", "Output", "Mesh input"
+
+def options_of(panel: str) -> Callable[..., Any]:
+    """Return what declares an option of a panel of the help.
+
+    It takes the option as the help spells it ("-o --output FILE"), what is said of it, and what
+    `typer.Option` takes besides.
+    """
+
+    def option(spelled: str, text: str, **more: Any) -> Any:
+        words = spelled.split()
+        names = [word for word in words if word.startswith("-")]
+        metavar = " ".join(words[len(names) :]) or None
+        return typer.Option(*names, help=text, metavar=metavar, rich_help_panel=panel, **more)
+
+    return option
+
+
+basics, search, quality, output, mesh = map(
+    options_of, ("Basics", "Search", "Quality", "Output", "Mesh input")
+)
 
 Input = Annotated[
     Path,
@@ -31,293 +51,164 @@ Input = Annotated[
 _MACHINE = "Preset, FILE.toml, slicer profile (.json, .ini) or geometries.json:NAME; default: "
 MachineOption = Annotated[
     str | None,
-    typer.Option(
-        "--machine",
-        rich_help_panel=BASICS,
-        metavar="NAME|FILE",
-        help=_MACHINE + "the source's printer, or a head of the clearances in it",
+    basics(
+        "--machine NAME|FILE", _MACHINE + "the source's printer, or a head of the clearances in it"
     ),
 ]
 PlateOption = Annotated[
     int | None,
-    typer.Option(
-        "--plate",
-        rich_help_panel=BASICS,
-        metavar="N",
-        min=1,
-        help="Of a .gcode.3mf: the plate; default: the only one with G-code",
-    ),
+    basics("--plate N", "Of a .gcode.3mf: the plate; default: the only one with G-code", min=1),
 ]
-ListedMachineOption = Annotated[
-    str | None,
-    typer.Option(
-        "--machine", rich_help_panel=BASICS, metavar="NAME|FILE", help=_MACHINE + "all presets"
-    ),
-]
+ListedMachineOption = Annotated[str | None, basics("--machine NAME|FILE", _MACHINE + "all presets")]
 PlannerOption = Annotated[
-    PlannerName,
-    typer.Option(
-        "--planner",
-        rich_help_panel=SEARCH,
-        metavar="PLANNER",
-        help=f"How the order is found: {', '.join(PlannerName)}",
-    ),
+    PlannerName, search("--planner PLANNER", f"How the order is found: {', '.join(PlannerName)}")
 ]
 FreedomOption = Annotated[
     Freedom,
-    typer.Option(
-        "--freedom",
-        rich_help_panel=SEARCH,
-        metavar="FREEDOM",
-        help="fixed: as sliced; reversible: from either end; seam: loops from another vertex too",
+    search(
+        "--freedom FREEDOM",
+        "fixed: as sliced; reversible: from either end; seam: loops from another vertex too",
     ),
 ]
 SeamOption = Annotated[
     Seam | None,
-    typer.Option(
-        "--seam",
-        rich_help_panel=SEARCH,
-        metavar="SEAM",
-        help="With --freedom seam. nearest: wherever travel is least (default); aligned: above "
-        "the seam below; rear: largest Y; corner: sharpest, concave first",
+    search(
+        "--seam SEAM",
+        "With --freedom seam. nearest: wherever travel is least (default); aligned: "
+        "above the seam below; rear: largest Y; corner: sharpest, concave first",
     ),
 ]
 ProcessOption = Annotated[
     ProcessOrder,
-    typer.Option(
-        "--process-order",
-        rich_help_panel=QUALITY,
-        metavar="ORDER",
-        help="keep: perimeters before the infill they anchor; free: only what --quality holds",
+    quality(
+        "--process-order ORDER",
+        "keep: perimeters before the infill they anchor; free: only what --quality holds",
     ),
 ]
 QualityOption = Annotated[
     bool | None,
-    typer.Option(
+    quality(
         "--quality/--no-quality",
-        rich_help_panel=QUALITY,
-        help="Shells and what is anchored in them as sliced, and cooling; "
-        "default: on but for the paper's machine",
+        "Shells and what is anchored in them as sliced, and cooling; default: on but "
+        "for the paper's machine",
         show_default=False,
     ),
 ]
 TowerOption = Annotated[
-    bool,
-    typer.Option(
-        "--without-tower",
-        rich_help_panel=QUALITY,
-        help="Leave out the wipe tower, where each head has one tool",
-    ),
+    bool, quality("--without-tower", "Leave out the wipe tower, where each head has one tool")
 ]
 _DAY_S = 86400.0
 CoolingOption = Annotated[
     float | None,
-    typer.Option(
-        "--min-layer-time",
-        rich_help_panel=QUALITY,
-        metavar="S",
+    quality(
+        "--min-layer-time S",
+        "Seconds before a spot is printed over, or the source's if fewer; default: the "
+        "slicer's rule, none with --no-quality or machine `paper`; 0: none",
         min=0.0,
         max=_DAY_S,
-        help="Seconds before a spot is printed over, or the source's if fewer; default: the "
-        "slicer's rule, none with --no-quality or machine `paper`; 0: none",
     ),
 ]
 LeadOption = Annotated[
     int | None,
-    typer.Option(
-        "--max-layers-ahead",
-        rich_help_panel=QUALITY,
-        metavar="N",
+    quality(
+        "--max-layers-ahead N",
+        "How many layers a part may run ahead of the rest; default: no limit",
         min=0,
-        help="How many layers a part may run ahead of the rest; default: no limit",
     ),
 ]
 AvoidOption = Annotated[
     AvoidWalls,
-    typer.Option(
-        "--avoid-walls",
-        rich_help_panel=QUALITY,
-        metavar="WHEN",
-        help="Lead travels round outer walls, through the part. auto: over walls no more than the "
-        "source; always; never",
+    quality(
+        "--avoid-walls WHEN",
+        "Lead travels round outer walls, through the part. auto: over walls no more "
+        "than the source; always; never",
     ),
 ]
 _HELD = "A plan.json is held to it; default: as the plan says"
-HeldProcessOption = Annotated[
-    ProcessOrder | None,
-    typer.Option("--process-order", rich_help_panel=QUALITY, metavar="ORDER", help=_HELD),
-]
+HeldProcessOption = Annotated[ProcessOrder | None, quality("--process-order ORDER", _HELD)]
 HeldQualityOption = Annotated[
-    bool | None,
-    typer.Option("--quality/--no-quality", rich_help_panel=QUALITY, help=_HELD, show_default=False),
+    bool | None, quality("--quality/--no-quality", _HELD, show_default=False)
 ]
 HeldCoolingOption = Annotated[
-    float | None,
-    typer.Option(
-        "--min-layer-time", rich_help_panel=QUALITY, metavar="S", min=0.0, max=_DAY_S, help=_HELD
-    ),
+    float | None, quality("--min-layer-time S", _HELD, min=0.0, max=_DAY_S)
 ]
-HeldLeadOption = Annotated[
-    int | None,
-    typer.Option("--max-layers-ahead", rich_help_panel=QUALITY, metavar="N", min=0, help=_HELD),
-]
-HeldFreedomOption = Annotated[
-    Freedom | None,
-    typer.Option("--freedom", rich_help_panel=SEARCH, metavar="FREEDOM", help=_HELD),
-]
+HeldLeadOption = Annotated[int | None, quality("--max-layers-ahead N", _HELD, min=0)]
+HeldFreedomOption = Annotated[Freedom | None, search("--freedom FREEDOM", _HELD)]
 ObjectiveOption = Annotated[
     Objective,
-    typer.Option(
-        "--objective",
-        rich_help_panel=SEARCH,
-        metavar="OBJECTIVE",
-        help="travel: the length of travels; time: their time with retraction, lift and wipe",
+    search(
+        "--objective OBJECTIVE",
+        "travel: the length of travels; time: their time with retraction, lift and wipe",
     ),
 ]
 LimitsOption = Annotated[
     Limits,
-    typer.Option(
-        "--limits",
-        rich_help_panel=SEARCH,
-        metavar="LIMITS",
-        help="Motion limits. source: as the file states them, else the machine file's; "
+    search(
+        "--limits LIMITS",
+        "Motion limits. source: as the file states them, else the machine file's; "
         "machine: always the machine file's",
     ),
 ]
 SlowerOption = Annotated[
     bool,
-    typer.Option(
-        "--allow-slower",
-        rich_help_panel=OUTPUT,
-        help="Write the new order even where its file takes longer or gains nothing",
+    output(
+        "--allow-slower", "Write the new order even where its file takes longer or gains nothing"
     ),
 ]
 MakeSafeOption = Annotated[
     bool,
-    typer.Option(
+    output(
         "--make-safe",
-        rich_help_panel=OUTPUT,
-        help="Print layer by layer what would hit the part in the file's own order; without it "
-        "such a file is refused",
+        "Print layer by layer what would hit the part in the file's own order; without "
+        "it such a file is refused",
     ),
 ]
 TimeOption = Annotated[
-    float,
-    typer.Option(
-        "--time-limit",
-        rich_help_panel=BASICS,
-        metavar="S",
-        min=0.0,
-        max=30 * _DAY_S,
-        help="Search time, seconds",
-    ),
+    float, basics("--time-limit S", "Search time, seconds", min=0.0, max=30 * _DAY_S)
 ]
-SeedOption = Annotated[
-    int,
-    typer.Option(
-        "--seed", rich_help_panel=SEARCH, metavar="N", min=0, help="Equal seeds give equal searches"
-    ),
-]
+SeedOption = Annotated[int, search("--seed N", "Equal seeds give equal searches", min=0)]
 GcodeOption = Annotated[
     Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        metavar="FILE",
-        rich_help_panel=BASICS,
-        help="Write the G-code (of a .sop, the tour); -: to standard output",
-    ),
+    basics("-o --output FILE", "Write the G-code (of a .sop, the tour); -: to standard output"),
 ]
-PlanOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--plan", rich_help_panel=OUTPUT, metavar="FILE", help="Write plan.json (or .json.gz)"
-    ),
-]
-ReportOption = Annotated[
-    Path | None,
-    typer.Option("--report", rich_help_panel=OUTPUT, metavar="FILE", help="Write an HTML report"),
-]
+PlanOption = Annotated[Path | None, output("--plan FILE", "Write plan.json (or .json.gz)")]
+ReportOption = Annotated[Path | None, output("--report FILE", "Write an HTML report")]
 PictureOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--picture",
-        rich_help_panel=OUTPUT,
-        metavar="FILE",
-        help="Draw what changed, and who prints what: .png or .svg",
-    ),
+    Path | None, output("--picture FILE", "Draw what changed, and who prints what: .png or .svg")
 ]
 LayerOption = Annotated[
     int | None,
-    typer.Option(
-        "--picture-layer",
-        rich_help_panel=OUTPUT,
-        metavar="N",
-        min=1,
-        help="The layer in the picture; default: where travel changed most",
+    output(
+        "--picture-layer N", "The layer in the picture; default: where travel changed most", min=1
     ),
 ]
 VerboseOption = Annotated[
-    bool,
-    typer.Option(
-        "-v",
-        "--verbose",
-        rich_help_panel=OUTPUT,
-        help="Show the paper's figures too, and how it was searched",
-    ),
+    bool, output("-v --verbose", "Show the paper's figures too, and how it was searched")
 ]
-JsonOption = Annotated[
-    bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print the summary as JSON")
-]
-LayerHeight = Annotated[
-    float,
-    typer.Option("--layer-height", rich_help_panel=MESH, metavar="MM", help="Layer height, mm"),
-]
-Nozzle = Annotated[
-    float, typer.Option("--nozzle", rich_help_panel=MESH, metavar="MM", help="Nozzle diameter, mm")
-]
-Density = Annotated[
-    float,
-    typer.Option("--density", rich_help_panel=MESH, metavar="SHARE", help="Infill density, 0 to 1"),
-]
-Perimeters = Annotated[
-    int,
-    typer.Option("--perimeters", rich_help_panel=MESH, metavar="N", help="Number of perimeters"),
-]
+JsonOption = Annotated[bool, output("--json", "Print the summary as JSON")]
+LayerHeight = Annotated[float, mesh("--layer-height MM", "Layer height, mm")]
+Nozzle = Annotated[float, mesh("--nozzle MM", "Nozzle diameter, mm")]
+Density = Annotated[float, mesh("--density SHARE", "Infill density, 0 to 1")]
+Perimeters = Annotated[int, mesh("--perimeters N", "Number of perimeters")]
 SlicerOption = Annotated[
     str,
-    typer.Option(
-        "--slicer",
-        rich_help_panel=MESH,
-        metavar="NAME",
-        help="auto (the first of PrusaSlicer, OrcaSlicer and CuraEngine that is found), "
+    mesh(
+        "--slicer NAME",
+        "auto (the first of PrusaSlicer, OrcaSlicer and CuraEngine that is found), "
         "builtin (for experiments), a slicer's name, or the path of its program",
     ),
 ]
 SlicerConfig = Annotated[
     str | None,
-    typer.Option(
-        "--slicer-config",
-        rich_help_panel=MESH,
-        metavar="FILES",
-        help="PrusaSlicer: config.ini; OrcaSlicer: 'machine.json;process.json;filament.json'; "
-        "CuraEngine: fdmprinter.def.json",
+    mesh(
+        "--slicer-config FILES",
+        "PrusaSlicer: config.ini; OrcaSlicer: "
+        "'machine.json;process.json;filament.json'; CuraEngine: fdmprinter.def.json",
     ),
 ]
-Sliced = Annotated[
-    Path | None,
-    typer.Option(
-        "--sliced", rich_help_panel=MESH, metavar="FILE", help="Keep the slicer's own G-code here"
-    ),
-]
-Temperature = Annotated[
-    float,
-    typer.Option("--temperature", rich_help_panel=MESH, metavar="C", help="Of the nozzle, °C"),
-]
-BedTemperature = Annotated[
-    float,
-    typer.Option("--bed-temperature", rich_help_panel=MESH, metavar="C", help="Of the bed, °C"),
-]
+Sliced = Annotated[Path | None, mesh("--sliced FILE", "Keep the slicer's own G-code here")]
+Temperature = Annotated[float, mesh("--temperature C", "Of the nozzle, °C")]
+BedTemperature = Annotated[float, mesh("--bed-temperature C", "Of the bed, °C")]
 
 MESH_OPTIONS = (  # they mean nothing to G-code
     "slicer", "slicer_config", "sliced", "layer_height", "nozzle", "density", "perimeters",

@@ -57,7 +57,7 @@ def _thread_failed(failed: threading.ExceptHookArgs) -> None:
     """Show what ended a thread, on the console as all else."""
     if failed.exc_value is not None:
         said = "".join(traceback.format_exception(failed.exc_value))
-        err.print(f"decmcts: a thread failed\n{said}", soft_wrap=True)
+        err.show(f"decmcts: a thread failed\n{said}")
 
 
 def _stopped() -> int:
@@ -85,6 +85,6 @@ def _usage(error: TyperException) -> str:
 def _failed(error: Exception | str, code: int) -> int:
     """Say what failed in one line; with --debug also where."""
     if os.environ.get("DECMCTS_DEBUG"):
-        err.print(traceback.format_exc(), soft_wrap=True)  # it may hold what a file does
-    err.print(" ".join(f"decmcts: {error}".split()), soft_wrap=True)
+        err.show(traceback.format_exc())  # it may hold what a file does
+    err.show(" ".join(f"decmcts: {error}".split()))
     return code

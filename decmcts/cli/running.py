@@ -38,7 +38,7 @@ def running(
                 begun.set()
             elif isinstance(event, Sound):
                 if remark:
-                    err.print(remark, soft_wrap=True)
+                    err.show(remark)
             else:
                 show(event)
 

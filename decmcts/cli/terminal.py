@@ -21,6 +21,11 @@ __all__ = ["SafeConsole", "harmless"]
 class SafeConsole(Console):
     """A console that shows no control character of what it is given."""
 
+    def show(self, *lines: str | None) -> None:
+        """Print lines whole, however long; those that are empty, or None, not at all."""
+        for line in filter(None, lines):
+            self.print(line, soft_wrap=True)
+
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:

@@ -79,14 +79,15 @@ def launch(
     own = search.planner is not None
     waiting = nullcontext(crew) if own or crew else crew_started(len(source.machine.heads))
     with (
-        compilation_told(report) as told, compiling_beside([TEAM], told), waiting as ready
+        compilation_told(report) as reporting, compiling_beside([TEAM], reporting),
+        waiting as ready,
     ):  # fmt: skip
-        problem = team_problem(source, rules, told)
+        problem = team_problem(source, rules, reporting)
         agents = partial(launch_agents, crew=ready)
         if search.planner is not None:
             agents = partial(planned_by, search.planner)
         planned = plan_team(
-            problem, search, writes=writes, report=told, stop=stop, agents=agents
+            problem, search, writes=writes, report=reporting, stop=stop, agents=agents
         )  # fmt: skip
         return Result(planned, search)
 

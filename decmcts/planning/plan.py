@@ -80,9 +80,9 @@ def plan(
     walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls
     walls |= rules.avoid_walls == AvoidWalls.ALWAYS
     parts = parts_for(search, rules.freedom, walls=walls)
-    with compilation_told(report) as told, compiling_beside(parts, told):
-        one = with_fewer_changes(one, rules, told)
-        problem = safe_problem(one, rules, told, make_safe=make_safe)
-        planned = plan_one_head(problem, search, writes=writes, report=told, stop=stop)
+    with compilation_told(report) as reporting, compiling_beside(parts, reporting):
+        one = with_fewer_changes(one, rules, reporting)
+        problem = safe_problem(one, rules, reporting, make_safe=make_safe)
+        planned = plan_one_head(problem, search, writes=writes, report=reporting, stop=stop)
         planned = beside_given(planned)
     return Result(planned, search)

@@ -62,5 +62,7 @@ def read(
     ('mk4s', 964)
     """
     how = Slicing(choose_slicer()) if mesh is None else mesh
-    with compilation_told(report) as told:
-        return read_source(Path(path), machine, limits=limits, mesh=how, report=told, plate=plate)
+    with compilation_told(report) as reporting:
+        return read_source(
+            Path(path), machine, limits=limits, mesh=how, report=reporting, plate=plate
+        )

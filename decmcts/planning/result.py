@@ -39,9 +39,9 @@ class Figures:
     @staticmethod
     def of(document: PlanDocument) -> Figures:
         """Return the figures of a plan."""
-        said = document.metrics
+        stated = document.metrics
         return Figures(
-            said["extrusionless_travel_mm"], said["emitted_travel_mm"], said["print_time_s"]
+            stated["extrusionless_travel_mm"], stated["emitted_travel_mm"], stated["print_time_s"]
         )
 
 

@@ -97,7 +97,7 @@ class PrintJob:
     barriers: tuple[Barrier, ...] = ()
     slicer: str = ""  # e.g. "PrusaSlicer 2.5.0"
     notes: tuple[str, ...] = ()  # one line each, shown in the summary
-    limits: MotionLimits = field(default_factory=MotionLimits.unsaid)  # as the source states them
+    limits: MotionLimits = field(default_factory=MotionLimits.unstated)  # as the source states them
     acceleration: NDArray[np.float64] | None = None  # (n_points,) mm/s² set for the segment
     # ending at each point of the contours, NaN where nothing sets it; None: nowhere
     refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause

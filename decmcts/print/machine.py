@@ -60,21 +60,21 @@ class MotionLimits:
     junction_deviation: float = 0.0  # mm; above 0 it limits corners in the place of jerk
 
     @staticmethod
-    def unsaid() -> MotionLimits:
+    def unstated() -> MotionLimits:
         """Return limits that say nothing."""
         four = (math.nan,) * 4
         return MotionLimits(math.nan, four, four, four, *(math.nan,) * 4)
 
-    def under(self, said: MotionLimits) -> MotionLimits:
+    def under(self, stated: MotionLimits) -> MotionLimits:
         """Return these limits with what `said` says (where it is not NaN) in their place."""
-        both = {f.name: (getattr(self, f.name), getattr(said, f.name)) for f in fields(self)}
-        return MotionLimits(**{name: _said(*pair) for name, pair in both.items()})
+        both = {f.name: (getattr(self, f.name), getattr(stated, f.name)) for f in fields(self)}
+        return MotionLimits(**{name: _stated_or(*pair) for name, pair in both.items()})
 
 
-def _said(usual: Any, said: Any) -> Any:
-    if isinstance(said, tuple):
-        return tuple(_said(u, s) for u, s in zip(usual, said, strict=True))
-    return usual if math.isnan(said) else said
+def _stated_or(usual: Any, stated: Any) -> Any:
+    if isinstance(stated, tuple):
+        return tuple(_stated_or(u, s) for u, s in zip(usual, stated, strict=True))
+    return usual if math.isnan(stated) else stated
 
 
 @dataclass(frozen=True, slots=True)

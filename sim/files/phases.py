@@ -31,19 +31,19 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
 
     None where its epochs are no such phases, or none is set again.
     """
-    told = _after_start(document.preamble)
+    stated = _after_start(document.preamble)
     count = int(job.contours.epoch.max(initial=0)) + 1
     blocks = {block.epoch: block for block in document.blocks}
     if len(blocks) != len(document.blocks) or set(blocks) != set(range(1, count)) or job.refills:
         return None
-    states: list[tuple[tuple[str, float], ...]] = [tuple(sorted(told.items()))]
+    states: list[tuple[tuple[str, float], ...]] = [tuple(sorted(stated.items()))]
     for epoch in range(1, count):
         for code in codes_of(blocks[epoch].text):
             sets = _SETS.fullmatch(code)
             if sets is None:
                 return None
-            told["bed" if sets[1] == b"140" else "hot end"] = float(sets[2])
-        states.append(tuple(sorted(told.items())))
+            stated["bed" if sets[1] == b"140" else "hot end"] = float(sets[2])
+        states.append(tuple(sorted(stated.items())))
     number = {state: k for k, state in enumerate(dict.fromkeys(states))}
     phase = np.array([number[state] for state in states], np.int32)
     first = [k for k in range(1, count) if phase[k] > phase[:k].max()]
@@ -58,11 +58,11 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
 
 def _after_start(preamble: bytes) -> StatedDegrees:
     """Return what start code tells the heaters in words that name no tool."""
-    told: StatedDegrees = {}
+    stated: StatedDegrees = {}
     for code in codes_of(preamble):
         if value := _IN_START.match(code):
-            told["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])
-    return told
+            stated["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])
+    return stated
 
 
 def _come_down(contours: Contours, phase: np.ndarray[tuple[int], np.dtype[np.int32]]) -> bool:

@@ -34,7 +34,7 @@ _WORDS = re.compile(
 )
 _QUOTED = re.compile(rb'"[^"]*+"')
 _AXIS = re.compile(rb"(?<![A-Z_])[XY](?![A-Z_=])", re.I)
-_SELECTS = re.compile(rb"T ?(\d++)")
+_SELECTS = re.compile(rb"T ?0*(25[0-4]|2[0-4]\d|1?\d?\d)(?!\d)")  # none is above 254
 _EXTRUDER = re.compile(r"extruder(\d*)", re.I)
 _OF_TOOL = {  # the words that say of which tool
     b"M221": (b"T", b"D"), b"M900": (b"T",), b"M572": (b"D",),

@@ -21,6 +21,7 @@ from sim.files.lines import in_force
 _HEAT = re.compile(rb"M1(04|09|40|90|41|91) ?(.*)", re.I | re.S)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"T ?(\d+)", re.I)
+_SELECTS = re.compile(rb"T ?0*(25[0-4]|2[0-4]\d|1?\d?\d)", re.I)  # none is above 254
 _HEATERS = {b"04": "hot end", b"09": "hot end", b"40": "bed", b"90": "bed"}
 _OF_ALL = ("bed", "chamber")
 # What a result may have more or less often, or elsewhere, than its source. None of it heats.
@@ -53,7 +54,9 @@ def check_temperatures(
         Where each bead is laid in the file, and where in the source, from 1.
     """
     ours, theirs = (list(_book(each, own_tool)) for each in (text, source))
-    number = {told: k for k, told in enumerate(dict.fromkeys(told for _, told in ours + theirs))}
+    number = {
+        stated: k for k, stated in enumerate(dict.fromkeys(stated for _, stated in ours + theirs))
+    }
     a, b = in_force(ours, number, line), in_force(theirs, number, source_line)
     words = list(number)
     wrong = np.flatnonzero(a != b)
@@ -67,7 +70,7 @@ def check_temperatures(
 
 def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:
     """Yield lines, from 1, and what all heaters that count are told behind each."""
-    told: dict[str, str] = {}
+    stated: dict[str, str] = {}
     tool, others = 0, 0
     yield 0, ()
     for number, code in commands_of(text):
@@ -81,21 +84,21 @@ def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:
             heater = _HEATERS.get(heat[1], "chamber")
             if heater == "hot end":
                 heater += f" {int(named[1]) if named else tool}"
-            told[heater] = f"at {float(value[1]):g} degrees"
+            stated[heater] = f"at {float(value[1]):g} degrees"
         else:
             others += 1
-            selected = _TOOL.fullmatch(code)
+            selected = _SELECTS.fullmatch(code)
             tool = int(selected[1]) if selected else tool
             if selected and own_tool:
                 known = set[str]()
             else:
-                known = {*told, f"hot end {tool}", "bed", "chamber"}
+                known = {*stated, f"hot end {tool}", "bed", "chamber"}
             if _HOMES.match(code):
                 known = {heater for heater in known if heater.startswith("hot")}
             by = _shown(code) if own_tool else f"command {others} that may heat"
-            told |= dict.fromkeys(known, f"as {by} left it")
-        hot = {f"hot end {tool}"} if own_tool else set(told)
-        counts = ((key, value) for key, value in told.items() if key in hot or key in _OF_ALL)
+            stated |= dict.fromkeys(known, f"as {by} left it")
+        hot = {f"hot end {tool}"} if own_tool else set(stated)
+        counts = ((key, value) for key, value in stated.items() if key in hot or key in _OF_ALL)
         yield number, tuple(sorted(counts))
 
 

@@ -31,7 +31,7 @@ _DWELL = re.compile(rb"G4 P(\d+)\Z")
 _MOVES = (b"G1 ", b"G2 ", b"G3 ")
 _E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
 _E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
-_LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool
+_LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool, nor M620.1's
 
 NumberedCommands = tuple[tuple[int, bytes], ...]  # line, from 1, and command
 
@@ -224,7 +224,7 @@ def _for_tool(code: bytes, tool: int | None) -> bytes | None:
     """Return a command without the tool it names; None if that is another head's."""
     words = code.split()
     chosen = [word for word in words[1:] if SELECTS.match(word)]
-    if not chosen or words[0].upper() in _LIMITS:
+    if not chosen or words[0].upper() in _LIMITS or b"." in words[0]:
         return code
     if tool is not None and int(chosen[0][1:]) != tool:
         return None

@@ -21,7 +21,7 @@ _MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])(?!.*[PL])", re.I)
 _HOT_END = re.compile(rb"M10([49])(?![0-9.])(.*)", re.I)
 _OF_BED = re.compile(rb"M1(40|90)(?![0-9.])(.*)", re.I)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
-SELECTS = re.compile(rb"T(\d+)\Z", re.I)  # a word that is a tool
+SELECTS = re.compile(rb"T0*(25[0-4]|2[0-4]\d|1?\d?\d)\Z", re.I)  # a tool: none is above 254
 
 
 class Heat(NamedTuple):

@@ -34,16 +34,17 @@ from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idling, check_idle
 from sim.heads.laid import SAME_MM
 from sim.heads.ledger import Printed, behind, belongs_to_bead, check_filament, dues_of
-from sim.heads.macros import check_words
 from sim.heads.order import FileParts, Intervals, check_order, check_sync, last_points
+from sim.heads.states import Settings, differing, kept_settings
 from sim.heads.sync import Knowledge
-from sim.heads.walk import OWED_MM, Walk, Walker, differing
+from sim.heads.walk import OWED_MM, Walk, Walker
+from sim.heads.words import check_words
 
 Point = tuple[float, float, float]
 
 
 def verify_heads(
-    paths: Sequence[Path | str],
+    paths: Sequence[Path | str | HeadFile],
     plan: JointPlan,
     job: PrintJob,
     document: GcodeDocument,
@@ -59,6 +60,8 @@ def verify_heads(
 
     Parameters
     ----------
+    paths : sequence of paths or files
+        Which may be read already.
     job, document
         The source the plan was made from.
     parks : sequence of points
@@ -75,7 +78,7 @@ def verify_heads(
         Whether the plan was read from these files (`sim.heads.plan`).
     """
     try:
-        files = [read_head_file(path, words) for path in paths]
+        files = [one if isinstance(one, HeadFile) else read_head_file(one, words) for one in paths]
     except InputError as error:
         return unreadable(error)
     if faults := check_names(files, plan):
@@ -90,7 +93,7 @@ def verify_heads(
 
 
 def verify_heads_on(
-    machine: Machine, paths: Sequence[Path | str], plan: JointPlan, job: PrintJob,
+    machine: Machine, paths: Sequence[Path | str | HeadFile], plan: JointPlan, job: PrintJob,
     document: GcodeDocument, *, read: bool = False,
 ) -> Verdict:  # fmt: skip
     """Check the files of all heads of a plan for a machine, as `verify_heads` does."""
@@ -154,7 +157,10 @@ def walk_file(
     begins = begin_of_verbatim(
         file.lines.raw, min(end_code, _below_end(file)) - 1, document.postamble, own_end
     )
-    words += _check_end(file, document, begins, others=others)
+    kept: Settings = frozenset()
+    if low and len(np.unique(job.contours.tool)) > 1:
+        kept = kept_settings(file.track.table, int(file.track.at(file.rest[low - 1][0])))
+    words += _check_end(file, document, begins, kept, others=others)
     printed = set(actions.contour[actions.kind == ActionKind.PRINT].tolist())
     theirs = [
         own_of(
@@ -172,7 +178,16 @@ def walk_file(
     if others and taken:
         words += _check_left(file, max(taken), end_code)
     walk = Walker(
-        file, actions, job, document, part.begin, part.end, taken, waited, idling.practice
+        file,
+        actions,
+        job,
+        document,
+        part.begin,
+        part.end,
+        taken,
+        waited,
+        idling.practice,
+        kept,
     ).run()
     words += walk.faults
     words += _check_blocks(file, actions, job, document, blocks, walk)
@@ -333,7 +348,9 @@ def _stands(file: HeadFile, row: int) -> tuple[int, Floats]:
     return line, file.motion.points[file.motion.before[min(line, len(file.lines))]]
 
 
-def _check_end(file: HeadFile, document: GcodeDocument, begins: int, *, others: bool) -> list[str]:
+def _check_end(
+    file: HeadFile, document: GcodeDocument, begins: int, kept: Settings, *, others: bool
+) -> list[str]:
     """Return how the state and the filament differ from the source's where its end code begins.
 
     That is at row `begins`. With `others` the source ends with another head's tool, and filament
@@ -348,7 +365,7 @@ def _check_end(file: HeadFile, document: GcodeDocument, begins: int, *, others: 
     if bool(modes[1]) != end.relative_e:
         words.append("E is counted in another way")
     state = int(file.track.at(max(above, 0) + 1))
-    words += differing(file.track.table, state, document.states, end.state)
+    words += differing(file.track.table, state, document.states, end.state, kept)
     return [f"before the end code {text}" for text in words]
 
 

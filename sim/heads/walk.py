@@ -17,7 +17,6 @@ from functools import cache, partial
 import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
@@ -25,6 +24,7 @@ from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
 from sim.heads.file import HeadFile
 from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, ContourMoves, pairs_of_states
+from sim.heads.states import Settings, in_force, words_of
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
@@ -86,14 +86,16 @@ class Walker:
     def __init__(
         self, file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument,
         begin: int, end: int, blocks: set[int], waited: Mapping[int, int], practice: Practice,
+        kept: Settings,
     ) -> None:  # fmt: skip
         """Take for each action the last of its points that another head waits for (`waited`).
 
-        `practice` is what the head does where it stands idle.
+        `practice` is what the head does where it stands idle, `kept` as in `differing`.
         """
         self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
+        self._kept = kept
         self._moves = _PlainMoves.of(file)
         self._line, self._stays = self._moves.line, self._moves.stays
         self._trusts = True  # that beads are as they should be: they are looked at later
@@ -101,11 +103,11 @@ class Walker:
         self._reversed, self._entry = actions.reversed.tolist(), actions.entry.tolist()
         self._begin_of = job.contours.offsets.tolist()
         self._later: list[tuple[int, bool, int]] = []  # contour, reversed, first move: to look at
-        self._apart = _apart_in_file(actions.path, actions.path_offsets)
+        self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
-        self._ours = cache(partial(_in_force, file.track.table))  # states in words, by row
-        self._theirs = cache(partial(_in_force, document.states))
+        self._ours = cache(partial(in_force, file.track.table))  # states in words, by row
+        self._theirs = cache(partial(in_force, document.states))
         starts = [*document.starts, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
         first = int(job.contours.epoch.min(initial=0))
@@ -273,7 +275,7 @@ class Walker:
 
         What stands before it pushes back what was retracted.
         """
-        if not _is_same(begin, to):
+        if not _is_same(begin, to, self.document.decimals[0]):
             return False
         owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
@@ -354,47 +356,27 @@ class Walker:
     def _other_state(self, mine: int, row: int) -> str:
         """Return in words how a state of the file differs from the source's row."""
         if (mine, row) not in self._alike:
-            self._alike[mine, row] = ", ".join(_words_of(self._ours(mine), self._theirs(row)))
+            words = words_of(self._ours(mine), self._theirs(row), self._kept)
+            self._alike[mine, row] = ", ".join(words)
         return self._alike[mine, row]
 
 
-def differing(ours: StateTable, row: int, theirs: StateTable, due: int) -> list[str]:
-    """Return in words how a state in force differs from the state that is due."""
-    return _words_of(_in_force(ours, row), _in_force(theirs, due))
-
-
-def _words_of(has: set[tuple[str, str]], wanted: set[tuple[str, str]]) -> list[str]:
-    """Return in words what is in force and what should be."""
-    words = [f"in force is '{text}'" for _, text in sorted(has - wanted)]
-    return words + [f"not in force is '{text}'" for _, text in sorted(wanted - has)]
-
-
-def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
-    """Return name and text of the states that command something and are not set by blocks alone."""
-    pairs = zip(table.slots, table.rows[row].tolist(), strict=True)
-    return {
-        (slot, table.values[v])
-        for slot, v in pairs
-        if v and slot not in DESCRIBES and not slot.startswith(SILENT)
-    }
-
-
-def _apart_in_file(path: Floats, offsets: Ints) -> Flags:
-    """Tell which points a file of three decimals tells from the one before in their path, (n,).
+def _apart_in_file(path: Floats, offsets: Ints, decimals: int) -> Flags:
+    """Tell which points a file of so many decimals tells from the one before in their path, (n,).
 
     Path i is path[offsets[i]:offsets[i + 1]].
     """
-    steps = np.abs(np.diff(np.round(path, 3), axis=0, prepend=np.inf))
-    apart = np.asarray((steps > 1e-6).any(axis=1))
+    steps = np.abs(np.diff(np.round(path, decimals), axis=0, prepend=np.inf))
+    apart = np.asarray((steps > 0.5 * 10.0**-decimals).any(axis=1))
     apart[offsets[:-1][offsets[:-1] < len(path)]] = False
     return apart
 
 
-def _is_same(one: list[float], other: list[float]) -> bool:
-    """Tell whether a file of three decimals has two points as one."""
+def _is_same(one: list[float], other: list[float], decimals: int) -> bool:
+    """Tell whether a file of so many decimals has two points as one."""
     if max(abs(a - b) for a, b in zip(one, other, strict=True)) > SAME_MM:
         return False  # rounding takes no more than half a digit from each
-    return all(round(a, 3) == round(b, 3) for a, b in zip(one, other, strict=True))
+    return all(round(a, decimals) == round(b, decimals) for a, b in zip(one, other, strict=True))
 
 
 def _distance(point: Floats, path: Floats) -> float:

@@ -93,9 +93,7 @@ KNOWN = {  # what else leads to a terminal or to a pipe, and what is said there
     "decmcts/planning/warm.py": {"print"},  # names of parts, to its parent
     "decmcts/planning/writing/places.py": {"sys.stdout.buffer.write"},  # G-code, by `-o -`
     "agents/loop/pipes.py": {"print", "os.write"},  # harmless, or a digest; JSON to its parent
-    "agents/extruder.py": {"print"},  # harmless
-    "agents/runner.py": {"print"},  # harmless
-    "agents/witness.py": {"print"},  # harmless
+    "agents/launching/processes.py": {"print"},  # harmless
     "agents/running/port.py": {"os.write"},  # msgpack to the other end of a pipe
     "agents/networks/zenoh_session.py": {"os.write"},  # a password, to a file in memory
 }

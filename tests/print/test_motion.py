@@ -164,9 +164,9 @@ def test_a_wipe_takes_its_part_of_the_retraction() -> None:
 
 def test_limits_that_say_nothing_change_nothing() -> None:
     """A source without limits leaves the machine's; one with some wins where it speaks."""
-    assert LIMITS.under(MotionLimits.unsaid()) == LIMITS
+    assert LIMITS.under(MotionLimits.unstated()) == LIMITS
     nan = float("nan")
-    said = replace(MotionLimits.unsaid(), max_feed=(nan, nan, 12.0, nan), acceleration=700.0)
+    said = replace(MotionLimits.unstated(), max_feed=(nan, nan, 12.0, nan), acceleration=700.0)
     both = LIMITS.under(said)
     assert both.max_feed == (200.0, 200.0, 12.0, 40.0)
     assert both.acceleration == 700.0 and both.jerk == LIMITS.jerk

@@ -15,74 +15,46 @@ from decmcts.experiments.catalogue import EXPERIMENTS
 from decmcts.experiments.cluster import cluster_at
 from decmcts.experiments.run import experiment as run_experiment
 
-NameArgument = Annotated[str | None, typer.Argument(help="Which one; without it all are listed")]
-FolderOption = Annotated[
-    Path,
-    typer.Option(
-        "-o", "--output", rich_help_panel=opt.BASICS, metavar="FOLDER",
-        help="Gets NAME.csv, NAME.md and NAME.png; rows that are there are not computed again",
-    ),
-]  # fmt: skip
-FullOption = Annotated[
-    bool,
-    typer.Option(
-        "--full", rich_help_panel=opt.BASICS, help="All of it, hours; else a minute or two"
-    ),
-]
-PrintsOption = Annotated[
-    Path | None,
-    typer.Option(
-        rich_help_panel=opt.BASICS, metavar="FOLDER",
-        help="G-code of your own, in place of prints made by code",
-    ),
-]  # fmt: skip
-LimitOption = Annotated[
-    float | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="S", min=0.0, help="Processor time of each search"
-    ),
-]
-IterationsOption = Annotated[
-    int | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1,
-        help="Rounds of each search in place of seconds: equal rows on every computer",
-    ),
-]  # fmt: skip
-SeedsOption = Annotated[
-    int | None, typer.Option(rich_help_panel=opt.SEARCH, metavar="N", min=1, help="How many seeds")
-]
-JobsOption = Annotated[
-    int | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1, help="Processes; default: one a core"
-    ),
-]
-ClusterOption = Annotated[
-    str | None,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="ADDRESS",
-        help="Scheduler of a Dask cluster that computes the rows",
-    ),
-]  # fmt: skip
-
 
 @app.command()
 def experiment(
-    name: NameArgument = None,
-    folder: FolderOption = Path(),
-    full: FullOption = False,
-    prints: PrintsOption = None,
-    time_limit: LimitOption = None,
-    iterations: IterationsOption = None,
-    seeds: SeedsOption = None,
-    jobs: JobsOption = None,
-    cluster: ClusterOption = None,
+    name: Annotated[str | None, typer.Argument(help="Which one; without it all are listed")] = None,
+    folder: Annotated[
+        Path,
+        opt.basics(
+            "-o --output FOLDER",
+            "Gets NAME.csv, NAME.md and NAME.png; rows that are there are not computed again",
+        ),
+    ] = Path(),
+    full: Annotated[bool, opt.basics("--full", "All of it, hours; else a minute or two")] = False,
+    prints: Annotated[
+        Path | None,
+        opt.basics("--prints FOLDER", "G-code of your own, in place of prints made by code"),
+    ] = None,
+    time_limit: Annotated[
+        float | None, opt.search("--time-limit S", "Processor time of each search", min=0.0)
+    ] = None,
+    iterations: Annotated[
+        int | None,
+        opt.search(
+            "--iterations N",
+            "Rounds of each search in place of seconds: equal rows on every computer",
+            min=1,
+        ),
+    ] = None,
+    seeds: Annotated[int | None, opt.search("--seeds N", "How many seeds", min=1)] = None,
+    jobs: Annotated[
+        int | None, opt.search("--jobs N", "Processes; default: one a core", min=1)
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        opt.search("--cluster ADDRESS", "Scheduler of a Dask cluster that computes the rows"),
+    ] = None,
 ) -> None:
     """Run an experiment that comes with the program; exit code 1 if some of its runs failed."""
     if name is None:
         for each in EXPERIMENTS.values():
-            out.print(f"{each.name:22}{each.question}", soft_wrap=True)
+            out.show(f"{each.name:22}{each.question}")
         return
     by = nullcontext(None) if cluster is None else cluster_at(cluster)
     with steps() as told, by as executor:
@@ -90,8 +62,8 @@ def experiment(
             name, folder, full=full, prints=prints, time_limit_s=time_limit,
             iterations=iterations, seeds=seeds, jobs=jobs, executor=executor, report=told,
         )  # fmt: skip
-    out.print(found.page, soft_wrap=True)
+    out.show(found.page)
     for path in found.paths:
-        out.print(f"wrote {path}", soft_wrap=True)
+        out.show(f"wrote {path}")
     if found.failed:
         raise typer.Exit(1)

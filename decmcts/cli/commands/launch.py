@@ -49,86 +49,36 @@ from decmcts.team.dec_mcts.parameters import read_parameters
 from decmcts.team.engine.space import eligibility
 from sim.pictures.layer_travels import require_layer
 
-StemOption = Annotated[
-    Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        rich_help_panel=opt.BASICS,
-        metavar="STEM",
-        help="Stem of the G-code files, one a head; of a .qcsp, the schedule's file",
-    ),
-]
-HeadsOption = Annotated[
-    str,
-    typer.Option(
-        "--machine",
-        rich_help_panel=opt.BASICS,
-        metavar="NAME|FILE",
-        help="A machine with several heads, such as dual-gantry or rail-3",
-    ),
-]
-
-RecordOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--record",
-        rich_help_panel=opt.OUTPUT,
-        metavar="FILE",
-        help="Keep what the heads do as they plan, for `decmcts replay`",
-    ),
-]
-TeamOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--team",
-        rich_help_panel=opt.SEARCH,
-        metavar="FILE",
-        help="Parameters of the heads' search, a TOML file (docs/team.md)",
-    ),
-]
-
-
-CutOption = Annotated[
-    Cut,
-    typer.Option(
-        "--cut",
-        rich_help_panel=opt.SEARCH,
-        help="What may be cut so that heads share it, where the print ends sooner so: nothing, "
-        "infill and inner walls, or outer walls too",
-    ),
-]
-WeldOption = Annotated[
-    float | None,
-    typer.Option(
-        "--weld-limit-s",
-        rich_help_panel=opt.SEARCH,
-        metavar="S",
-        help="The most seconds between the printing of a cut's two ends (default: no limit)",
-    ),
-]
-TeamObjectiveOption = Annotated[
-    Objective,
-    typer.Option(
-        "--objective",
-        rich_help_panel=opt.SEARCH,
-        help="The makespan comes first; this is what one head's own order and the points "
-        "contours are entered at save: travel (mm) or time",
-    ),
-]
-
 
 @app.command()
 def launch(
     context: typer.Context,
     source: opt.Input,
-    output: StemOption = None,
-    machine: HeadsOption = "dual-gantry",
+    output: Annotated[
+        Path | None,
+        opt.basics(
+            "-o --output STEM",
+            "Stem of the G-code files, one a head; of a .qcsp, the schedule's file",
+        ),
+    ] = None,
+    machine: Annotated[
+        str,
+        opt.basics(
+            "--machine NAME|FILE", "A machine with several heads, such as dual-gantry or rail-3"
+        ),
+    ] = "dual-gantry",
     plate: opt.PlateOption = None,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = ProcessOrder.KEEP,
-    objective: TeamObjectiveOption = Objective.TRAVEL,
+    objective: Annotated[
+        Objective,
+        opt.search(
+            "--objective",
+            "The makespan comes first; this is what one head's own order and the points "
+            "contours are entered at save: travel (mm) or time",
+        ),
+    ] = Objective.TRAVEL,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
@@ -136,14 +86,33 @@ def launch(
     without_tower: opt.TowerOption = False,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
-    team: TeamOption = None,
-    cut: CutOption = Cut.INSIDE,
-    weld_limit_s: WeldOption = None,
+    team: Annotated[
+        Path | None,
+        opt.search("--team FILE", "Parameters of the heads' search, a TOML file (docs/team.md)"),
+    ] = None,
+    cut: Annotated[
+        Cut,
+        opt.search(
+            "--cut",
+            "What may be cut so that heads share it, where the print ends sooner so: "
+            "nothing, infill and inner walls, or outer walls too",
+        ),
+    ] = Cut.INSIDE,
+    weld_limit_s: Annotated[
+        float | None,
+        opt.search(
+            "--weld-limit-s S",
+            "The most seconds between the printing of a cut's two ends (default: no limit)",
+        ),
+    ] = None,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
     picture_layer: opt.LayerOption = None,
-    record: RecordOption = None,
+    record: Annotated[
+        Path | None,
+        opt.output("--record FILE", "Keep what the heads do as they plan, for `decmcts replay`"),
+    ] = None,
     as_json: opt.JsonOption = False,
     verbose: opt.VerboseOption = False,
 ) -> None:
@@ -248,15 +217,12 @@ def show_joint(
     """Print a title, what a joint plan gains, some lines more and what was written."""
     planned = result.planned
     before, after = planned.before.metrics, planned.after.metrics
-    for note in (*source_lines(planned.problem.job), *lines_of(after["team"])):
-        err.print(note, soft_wrap=True)
-    out.print(title, soft_wrap=True)
+    err.show(*source_lines(planned.problem.job), *lines_of(after["team"]))
+    out.show(title)
     out.print(gain_table(before, after, verbose=verbose))
     searched = searched_line(after) if verbose else ""
     heads = team_lines(after, [head.head for head in result.document.plan.heads])
-    for line in (searched, *heads, *more, *(f"wrote {path}" for path in paths)):
-        if line:
-            out.print(line, soft_wrap=True)
+    out.show(searched, *heads, *more, *(f"wrote {path}" for path in paths))
 
 
 @app.command(
@@ -270,12 +236,7 @@ def agent(context: typer.Context) -> None:
 
 @app.command()
 def demo(
-    folder: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="FOLDER", help="Folder for the results", rich_help_panel=opt.BASICS
-        ),
-    ] = Path("out"),
+    folder: Annotated[Path, opt.basics("--out FOLDER", "Folder for the results")] = Path("out"),
     time_limit: opt.TimeOption = 15.0,
     seed: opt.SeedOption = 0,
 ) -> None:

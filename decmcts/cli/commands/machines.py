@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import out, print_json
@@ -20,11 +18,9 @@ from decmcts.print.machine import Machine
 def machines(
     draw: Annotated[
         Path | None,
-        typer.Option(
-            "--draw",
-            metavar="FOLDER",
-            help="Folder for a PNG of every machine listed; or, with --machine, a .png or .svg",
-            rich_help_panel=opt.OUTPUT,
+        opt.output(
+            "--draw FOLDER",
+            "Folder for a PNG of every machine listed; or, with --machine, a .png or .svg",
         ),
     ] = None,
     machine: opt.ListedMachineOption = None,
@@ -47,9 +43,7 @@ def machines(
     for m in listed:
         show_machine(m)
     if draw is not None:
-        out.print(
-            f"wrote {draw}" if is_file else f"wrote a PNG a machine to {draw}", soft_wrap=True
-        )
+        out.show(f"wrote {draw}" if is_file else f"wrote a PNG a machine to {draw}")
 
 
 def show_machine(m: Machine) -> None:
@@ -60,7 +54,7 @@ def show_machine(m: Machine) -> None:
     bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
     slices = ", ".join(f"{height:g}" for height in known["slices_mm"])
     heads = " ".join(known["heads"])
-    out.print(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm", soft_wrap=True)
+    out.show(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm")
     out.print(Padding(m.source.split(";")[0], (0, 0, 0, 4)))
 
 

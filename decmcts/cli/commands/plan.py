@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
@@ -23,6 +22,7 @@ from decmcts.cli.lines import (
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.summary import gain_table
+from decmcts.cli.terminal import SafeConsole
 from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
 from decmcts.formats.gcode.text.source_text import save_text
@@ -84,8 +84,8 @@ def plan(
     allow_slower: opt.SlowerOption = False,
     certificate: Annotated[
         bool,
-        typer.Option(
-            help="Prove how far from optimal the travel is at most", rich_help_panel=opt.SEARCH
+        opt.search(
+            "--certificate/--no-certificate", "Prove how far from optimal the travel is at most"
         ),
     ] = True,
     plan_file: opt.PlanOption = None,
@@ -143,7 +143,7 @@ def plan(
     with written():
         show(made, paths, as_json=as_json, verbose=verbose, to=err if output == STDOUT else out)
         if only_shown:
-            err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
+            err.show("nothing was written; `-o OUT.gcode` writes the new order")
 
 
 def write(
@@ -199,7 +199,7 @@ def write_extras(
         except InputError as error:
             if path is plan:
                 raise
-            err.print(f"{error}; all else that was asked for is written", soft_wrap=True)
+            err.show(f"{error}; all else that was asked for is written")
         else:
             kept.append(path)
     return sorted(kept, key=lambda path: path is not plan)
@@ -263,7 +263,7 @@ def show(
     *,
     as_json: bool,
     verbose: bool = False,
-    to: Console = out,
+    to: SafeConsole = out,
 ) -> None:
     """Print the summary, for a person (`to` a console) or for a program."""
     result, times = made.result, made.times
@@ -274,11 +274,11 @@ def show(
         return
     show_notes(result)
     kept = times is not None and times.kept
-    to.print(titled(result), soft_wrap=True)
+    to.show(titled(result))
     if not kept:  # else nothing has changed
         to.print(gain_table(before, after, verbose=verbose))
     fewer = "" if kept else changes_line(before, after)
-    for line in (
+    to.show(
         searched_line(after) if verbose else "",
         f"sliced by {result.source.sliced_by}" if result.source.sliced_by else "",
         fewer,
@@ -286,13 +286,10 @@ def show(
         cooling_line(planned.after),
         None if kept else whole_file_line(planned, times),
         layers_line(planned),
-    ):
-        if line:
-            to.print(line, soft_wrap=True)
+    )
     if kept:
-        to.print(f"kept the source as it is: {after['kept_because']}", soft_wrap=True)
-    for path in paths:
-        to.print(f"wrote {name_of(path)}", soft_wrap=True)
+        to.show(f"kept the source as it is: {after['kept_because']}")
+    to.show(*(f"wrote {name_of(path)}" for path in paths))
 
 
 def titled(result: Result) -> str:
@@ -304,5 +301,4 @@ def titled(result: Result) -> str:
 
 def show_notes(result: Result) -> None:
     """Say what in the source bound the search, or was not taken as it is."""
-    for line in source_lines(result.planned.problem.job):
-        err.print(line, soft_wrap=True)
+    err.show(*source_lines(result.planned.problem.job))

@@ -40,32 +40,6 @@ from decmcts.planning.writing.lines import layers_line
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place, refuse_unwritable
 
 BESIDE_WORDS = "; without FILE next to the exported G-code"
-ReportOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--report",
-        rich_help_panel=opt.OUTPUT,
-        metavar="[FILE]",
-        help=f"Write an HTML report{BESIDE_WORDS}",
-    ),
-]
-PictureOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--picture",
-        rich_help_panel=opt.OUTPUT,
-        metavar="[FILE]",
-        help=f"Draw what changed, .png or .svg{BESIDE_WORDS}",
-    ),
-]
-LineOption = Annotated[
-    bool,
-    typer.Option(
-        "--show-line",
-        rich_help_panel=opt.OUTPUT,
-        help="Show the line for the slicer's post-processing scripts, with the options given",
-    ),
-]
 
 
 @app.command(cls=OptionalFiles)
@@ -90,11 +64,22 @@ def post(
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     make_safe: opt.MakeSafeOption = False,
-    report: ReportOption = None,
-    picture: PictureOption = None,
+    report: Annotated[
+        Path | None, opt.output("--report [FILE]", f"Write an HTML report{BESIDE_WORDS}")
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        opt.output("--picture [FILE]", f"Draw what changed, .png or .svg{BESIDE_WORDS}"),
+    ] = None,
     as_json: opt.JsonOption = False,
     verbose: opt.VerboseOption = False,
-    show_line: LineOption = False,
+    show_line: Annotated[
+        bool,
+        opt.output(
+            "--show-line",
+            "Show the line for the slicer's post-processing scripts, with the options given",
+        ),
+    ] = False,
 ) -> None:
     """Reorder a G-code file in place, as a slicer's post-processing script."""
     if show_line:
@@ -136,7 +121,7 @@ def named_beside(exported: Path, ending: str) -> Path | None:
     path = beside(exported, ending)
     if not is_foreign(path):
         return path
-    err.print(f"{path} is left as it is: it is not ours; name another file", soft_wrap=True)
+    err.show(f"{path} is left as it is: it is not ours; name another file")
     return None
 
 
@@ -146,9 +131,8 @@ def show_script_line(context: typer.Context) -> None:
     if context.params["path"] is not None:
         raise InputError("the slicer names the file itself", advice="leave it out with --show-line")
     line = script_line(own_program(), ["post", *wherever_it_runs(words)], windows=os.name == "nt")
-    out.print(line, soft_wrap=True)
-    for where in WHERE:
-        err.print(where, soft_wrap=True)
+    out.show(line)
+    err.show(*WHERE)
 
 
 def show_planned_already(before: AsSliced, path: Path, *, views: bool, as_json: bool) -> None:
@@ -160,10 +144,9 @@ def show_planned_already(before: AsSliced, path: Path, *, views: bool, as_json: 
         said = {"input": str(path), "kept_source": True, "planned_already": before.version}
         print_json("decmcts-result/1", {**said, "written": []})
         return
-    out.print(
+    out.show(
         f"{path}: left as it was; decmcts {before.version} has planned it already "
-        f"(`decmcts plan` searches on){'; so there is nothing to show' if views else ''}",
-        soft_wrap=True,
+        f"(`decmcts plan` searches on){'; so there is nothing to show' if views else ''}"
     )
 
 
@@ -194,6 +177,4 @@ def show_rewritten(
             layers_line(planned),
         ]
     lines += [searched_line(after) if verbose else None, *(f"wrote {view}" for view in views)]
-    for line in lines:
-        if line:
-            out.print(line, soft_wrap=True)
+    out.show(*lines)

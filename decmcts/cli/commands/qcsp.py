@@ -89,10 +89,9 @@ def show(
         return
     near = proven(makespan, bound, optimal=found.optimal)
     to = err if target == STDOUT else out
-    to.print(
+    to.show(
         f"{source.name}: {len(problem)} tasks, {problem.cranes} cranes, makespan {makespan:,.10g}, "
-        f"{near} ({seconds:.1f} s, seed {found.seed}), verified",
-        soft_wrap=True,
+        f"{near} ({seconds:.1f} s, seed {found.seed}), verified"
     )
     if target is not None:
-        to.print(f"wrote {name_of(target)}", soft_wrap=True)
+        to.show(f"wrote {name_of(target)}")

@@ -39,100 +39,58 @@ from decmcts.print.print_state import (
     state_of_layers,
 )
 
-PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json that was carried out")]
-SourceOption = Annotated[
-    Path,
-    typer.Option(
-        "--source", rich_help_panel=opt.BASICS, metavar="FILE", help="The G-code it was made from"
-    ),
-]
-EventsOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--events",
-        rich_help_panel=opt.BASICS,
-        metavar="FILE",
-        help="What happened until then (docs/events.md)",
-    ),
-]
-PrintedOption = Annotated[
-    int | None,
-    typer.Option(
-        "--layer",
-        rich_help_panel=opt.BASICS,
-        metavar="N",
-        help="Layers 1 to N are printed, and nothing above",
-    ),
-]
-HeightOption = Annotated[
-    float | None,
-    typer.Option(
-        "--height",
-        rich_help_panel=opt.BASICS,
-        metavar="Z",
-        help="What ends Z mm above the bed or lower is printed, and nothing above",
-    ),
-]
-FencedOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--fenced",
-        rich_help_panel=opt.BASICS,
-        metavar="HEAD[=park|=X,Y,Z]",
-        help="A head that prints no more, and where it stands; may be given more than once",
-    ),
-]
-SlowerOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--slower",
-        rich_help_panel=opt.BASICS,
-        metavar="HEAD=FACTOR",
-        help="A head that takes so many times as long as planned; may be given more than once",
-    ),
-]
 PrintWithOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--print-with",
-        rich_help_panel=opt.BASICS,
-        metavar="TOOL=OTHER",
-        help="What a tool should print that no living head has, another prints with its filament; "
-        "may be given more than once",
+    opt.basics(
+        "--print-with TOOL=OTHER",
+        "What a tool should print that no living head has, another prints with its "
+        "filament; may be given more than once",
     ),
 ]
 LeftOption = Annotated[
     LeftBeads,
-    typer.Option(
-        "--left-beads",
-        rich_help_panel=opt.SEARCH,
-        help="A bead that was broken off is finished from there, or left as it is",
-    ),
-]
-StemOption = Annotated[
-    Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        rich_help_panel=opt.BASICS,
-        metavar="STEM",
-        help="Stem of the G-code files of the rest, one a head",
+    opt.search(
+        "--left-beads", "A bead that was broken off is finished from there, or left as it is"
     ),
 ]
 
 
 @app.command()
 def replan(
-    plan: PlanArgument,
-    source: SourceOption,
-    events: EventsOption = None,
-    layer: PrintedOption = None,
-    height: HeightOption = None,
-    fenced: FencedOption = None,
-    slower: SlowerOption = None,
+    plan: Annotated[Path, typer.Argument(help="PLAN.json that was carried out")],
+    source: Annotated[Path, opt.basics("--source FILE", "The G-code it was made from")],
+    events: Annotated[
+        Path | None, opt.basics("--events FILE", "What happened until then (docs/events.md)")
+    ] = None,
+    layer: Annotated[
+        int | None, opt.basics("--layer N", "Layers 1 to N are printed, and nothing above")
+    ] = None,
+    height: Annotated[
+        float | None,
+        opt.basics(
+            "--height Z", "What ends Z mm above the bed or lower is printed, and nothing above"
+        ),
+    ] = None,
+    fenced: Annotated[
+        list[str] | None,
+        opt.basics(
+            "--fenced HEAD[=park|=X,Y,Z]",
+            "A head that prints no more, and where it stands; may be given more than once",
+        ),
+    ] = None,
+    slower: Annotated[
+        list[str] | None,
+        opt.basics(
+            "--slower HEAD=FACTOR",
+            "A head that takes so many times as long as planned; may be given more than once",
+        ),
+    ] = None,
     print_with: PrintWithOption = None,
     left_beads: LeftOption = LeftBeads.LEAVE,
-    output: StemOption = None,
+    output: Annotated[
+        Path | None,
+        opt.basics("-o --output STEM", "Stem of the G-code files of the rest, one a head"),
+    ] = None,
     plan_file: opt.PlanOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,

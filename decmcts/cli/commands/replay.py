@@ -97,10 +97,9 @@ def recording(path: Path | None) -> Iterator[Keep]:
                 file.write(json.dumps(state) + "\n")
         except OSError as error:
             lost = True
-            err.print(
+            err.show(
                 f"{path}: the recording cannot be written ({error.strerror}); the launch goes on "
-                "without it",
-                soft_wrap=True,
+                "without it"
             )
 
     try:

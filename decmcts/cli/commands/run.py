@@ -42,71 +42,43 @@ from decmcts.print.plan import PlanDocument
 from sim.controllers.motion import QUEUE
 from sim.controllers.timing import Timing
 
-PlanArgument = Annotated[Path, typer.Argument(help="PLAN.json of `launch`")]
-SourceOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--source", rich_help_panel=opt.BASICS, metavar="FILE",
-        help="The G-code it was made from; without it nothing is planned anew when a head fails",
-    ),
-]  # fmt: skip
-SimulatedOption = Annotated[
-    bool,
-    typer.Option("--simulated", rich_help_panel=opt.BASICS, help="With simulated controllers"),
-]
-SpeedOption = Annotated[
-    float,
-    typer.Option(
-        rich_help_panel=opt.BASICS, metavar="TIMES", help="How many times as fast as the world"
-    ),
-]
-LossOption = Annotated[
-    float,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="SHARE", help="Of the agents' messages, lost: 0.2"
-    ),
-]
-DelayOption = Annotated[
-    float,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="S",
-        help="Seconds of the print by which messages are late, at most",
-    ),
-]  # fmt: skip
-ReplanOption = Annotated[
-    float,
-    typer.Option(rich_help_panel=opt.SEARCH, metavar="S", help="Time of a search for what is left"),
-]
-EventsOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--events", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Keep what happens (docs/events.md); of plans made anew beside it, with the plans",
-    ),
-]  # fmt: skip
-WatchOption = Annotated[
-    bool, typer.Option("--watch", rich_help_panel=opt.OUTPUT, help="Show heads while they print")
-]
-
 
 @app.command()
 def run(
-    plan: PlanArgument,
-    source: SourceOption = None,
-    simulated: SimulatedOption = False,
-    speed: SpeedOption = 1.0,
+    plan: Annotated[Path, typer.Argument(help="PLAN.json of `launch`")],
+    source: Annotated[
+        Path | None,
+        opt.basics(
+            "--source FILE",
+            "The G-code it was made from; without it nothing is planned anew when a head fails",
+        ),
+    ] = None,
+    simulated: Annotated[bool, opt.basics("--simulated", "With simulated controllers")] = False,
+    speed: Annotated[
+        float, opt.basics("--speed TIMES", "How many times as fast as the world")
+    ] = 1.0,
     timing: TimingOption = Timing.NONE,
     error: ErrorOption = 0.2,
     seed: opt.SeedOption = 0,
     queue: QueueOption = QUEUE,
-    loss: LossOption = 0.0,
-    delay: DelayOption = 0.0,
-    replan_time: ReplanOption = 5.0,
+    loss: Annotated[float, opt.search("--loss SHARE", "Of the agents' messages, lost: 0.2")] = 0.0,
+    delay: Annotated[
+        float, opt.search("--delay S", "Seconds of the print by which messages are late, at most")
+    ] = 0.0,
+    replan_time: Annotated[
+        float, opt.search("--replan-time S", "Time of a search for what is left")
+    ] = 5.0,
     print_with: PrintWithOption = None,
     left_beads: LeftOption = LeftBeads.FINISH,
-    events: EventsOption = None,
+    events: Annotated[
+        Path | None,
+        opt.output(
+            "--events FILE",
+            "Keep what happens (docs/events.md); of plans made anew beside it, with the plans",
+        ),
+    ] = None,
     report: opt.ReportOption = None,
-    watch: WatchOption = False,
+    watch: Annotated[bool, opt.output("--watch", "Show heads while they print")] = False,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Carry a plan out, an agent and a controller a head; exit code 1 if not all is printed.
@@ -195,7 +167,7 @@ class _Watch:
                 f"{h.name} {h.does} {h.share:.0%}" + (f" for {h.waits_for}" if h.waits_for else "")
                 for h in view.heads
             )
-            err.print(f"{clock_time(view.time_s)}: {heads}", soft_wrap=True)
+            err.show(f"{clock_time(view.time_s)}: {heads}")
 
 
 def table_of(view: RunView) -> Table:
@@ -294,28 +266,28 @@ def figures(result: RunResult) -> dict[str, Any]:
 def show(result: RunResult) -> None:
     """Print what came of it."""
     off = result.makespan_s / result.planned_s - 1.0 if result.planned_s else 0.0
-    out.print(
+    out.show(
         f"print time {clock_time(result.makespan_s)}, {abs(off):.1%} "
-        f"{'more' if off >= 0.0 else 'less'} than planned", soft_wrap=True,
-    )  # fmt: skip
+        f"{'more' if off >= 0.0 else 'less'} than planned"
+    )
     done = result.contours - result.unprinted
     out.print(f"{done:,} of {result.contours:,} contours printed")
     for failure in result.failures:
-        out.print(_failed(failure), soft_wrap=True)
+        out.show(_failed(failure))
     for line in (*result.others, *result.left, *([result.reason] if result.reason else [])):
-        out.print(line, soft_wrap=True)
+        out.show(line)
     for head, name in enumerate(result.names):
         mine = [wait for wait in result.waits if wait.head == head]
         if mine:
             longest = max(mine, key=lambda wait: wait.seconds)
-            out.print(
+            out.show(
                 f"{name} waited {sum(w.seconds for w in mine):.0f} s, longest for "
-                f"{result.names[longest.by]}: {longest.seconds:.1f} s", soft_wrap=True,
-            )  # fmt: skip
+                f"{result.names[longest.by]}: {longest.seconds:.1f} s"
+            )
     for near in result.near:
         if math.isfinite(near.gap_mm):
             which = " and ".join(result.names[h] for h in near.heads)
-            out.print(f"{which}: {near.gap_mm:.2f} mm apart at least", soft_wrap=True)
+            out.show(f"{which}: {near.gap_mm:.2f} mm apart at least")
     if len(result.names) > 1:
         out.print(f"{result.contacts} contact{'s' * (result.contacts != 1)} of heads")
 

@@ -34,86 +34,55 @@ from sim.controllers.print_contacts import PrintContact
 from sim.controllers.simulate import Simulation, Trial
 from sim.controllers.timing import Timing
 
-Inputs = Annotated[
-    list[Path],
-    typer.Argument(
-        help="PLAN.json, with or without the files of its heads; the files of all heads; "
-        "or any one G-code file"
-    ),
-]
 TimingOption = Annotated[
     Timing,
-    typer.Option(
-        rich_help_panel=opt.SEARCH,
-        help="Errors of time; adversarial: the delays that bring heads nearest",
-    ),
+    opt.search("--timing", "Errors of time; adversarial: the delays that bring heads nearest"),
 ]
 ErrorOption = Annotated[
     float,
-    typer.Option(
-        "--error", rich_help_panel=opt.SEARCH, metavar="SHARE", min=0.0, max=0.99,
-        help="How large errors are: 0.2 for 20 % of the time",
+    opt.search(
+        "--error SHARE", "How large errors are: 0.2 for 20 % of the time", min=0.0, max=0.99
     ),
-]  # fmt: skip
-TrialsOption = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1, max=100_000,
-        help="How often errors are drawn",
-    ),
-]  # fmt: skip
+]
 QueueOption = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=opt.SEARCH, metavar="N", min=1, max=100_000,
-        help="Moves that a controller plans ahead",
-    ),
-]  # fmt: skip
-EventsOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--events", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Keep what happens without errors as events (docs/events.md)",
-    ),
-]  # fmt: skip
-CsvOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--csv", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Keep where heads are over time",
-    ),
-]  # fmt: skip
-EveryOption = Annotated[
-    float,
-    typer.Option(
-        "--csv-every-s", rich_help_panel=opt.OUTPUT, metavar="S", min=0.001, max=1e6,
-        help="Seconds between two rows of it",
-    ),
-]  # fmt: skip
-RunPictureOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--picture", rich_help_panel=opt.OUTPUT, metavar="FILE",
-        help="Draw what heads do over time, and how near they come: .png or .svg",
-    ),
-]  # fmt: skip
+    int, opt.search("--queue N", "Moves that a controller plans ahead", min=1, max=100_000)
+]
 MOST_ROWS = 2_000_000
 SHOWN = 5  # contacts with the print that are shown in words
 
 
 @app.command()
 def simulate(
-    inputs: Inputs,
+    inputs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="PLAN.json, with or without the files of its heads; the files of all heads; "
+            "or any one G-code file"
+        ),
+    ],
     machine: opt.MachineOption = None,
     timing: TimingOption = Timing.NONE,
     error: ErrorOption = 0.2,
-    trials: TrialsOption = 10,
+    trials: Annotated[
+        int, opt.search("--trials N", "How often errors are drawn", min=1, max=100_000)
+    ] = 10,
     seed: opt.SeedOption = 0,
     queue: QueueOption = QUEUE,
-    events: EventsOption = None,
-    csv: CsvOption = None,
-    csv_every_s: EveryOption = 1.0,
-    picture: RunPictureOption = None,
+    events: Annotated[
+        Path | None,
+        opt.output("--events FILE", "Keep what happens without errors as events (docs/events.md)"),
+    ] = None,
+    csv: Annotated[Path | None, opt.output("--csv FILE", "Keep where heads are over time")] = None,
+    csv_every_s: Annotated[
+        float,
+        opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1e6),
+    ] = 1.0,
+    picture: Annotated[
+        Path | None,
+        opt.output(
+            "--picture FILE", "Draw what heads do over time, and how near they come: .png or .svg"
+        ),
+    ] = None,
     report: opt.ReportOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
@@ -158,7 +127,7 @@ def simulate(
         show(found)
         for path in (events, csv, picture, report):
             if path is not None:
-                out.print(f"wrote {path}", soft_wrap=True)
+                out.show(f"wrote {path}")
     if not found.simulation.safe:
         raise typer.Exit(1)
 
@@ -243,7 +212,7 @@ def show(found: Simulated) -> None:
     beside = ""
     if plan and math.isfinite(end):
         beside = f", {abs(end - plan) / plan:.2%} {'more' if end > plan else 'less'} than planned"
-    out.print(f"print time {ends}{beside}", soft_wrap=True)
+    out.show(f"print time {ends}{beside}")
     if simulation.begin_s > 0.0 and len(simulation.programs) > 1:
         out.print(f"before it, heads heat and are set up for {clock_time(simulation.begin_s)}")
     table = Table(show_edge=False, pad_edge=False)
@@ -256,8 +225,7 @@ def show(found: Simulated) -> None:
             f"{head.filament_mm:,.0f} mm", str(head.rests_in_beads),
         )  # fmt: skip
     out.print(table)
-    for line in nearest_lines(found):
-        out.print(line, soft_wrap=True)
+    out.show(*nearest_lines(found))
 
 
 def nearest_lines(found: Simulated) -> list[str]:
@@ -296,9 +264,9 @@ def nearest_lines(found: Simulated) -> list[str]:
     if stuck:
         lines.append(f"waits for ever: {', '.join(sorted(stuck))}")
     if touch:
-        err.print("heads touch: these files must not be run together", soft_wrap=True)
+        err.show("heads touch: these files must not be run together")
     if simulation.print_contacts:
-        err.print("a head touches the print: this must not be run", soft_wrap=True)
+        err.show("a head touches the print: this must not be run")
     return lines
 
 

@@ -102,9 +102,8 @@ def show(
         return
     near = proven(found.cost, found.bound, optimal=found.optimal)
     to = err if target == STDOUT else out
-    to.print(
+    to.show(
         f"{source.name}: {len(instance)} nodes, cost {found.cost:,.10g}, {near} "
-        f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified",
-        soft_wrap=True,
+        f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified"
     )
-    to.print(f"wrote {name_of(target)}", soft_wrap=True)
+    to.show(f"wrote {name_of(target)}")

@@ -15,59 +15,26 @@ from decmcts.planning.verifying.held import Held
 from sim.faults import Verdict
 from sim.verdict_lines import checked_lines, nearest_facts
 
-ResultArgument = Annotated[
-    list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
-]
-SourceOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--source", rich_help_panel=opt.BASICS, metavar="FILE", help="The G-code it was made from"
-    ),
-]
-MadeFromOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--plan",
-        rich_help_panel=opt.BASICS,
-        metavar="FILE",
-        help="Of files of several heads: the plan.json they were made from",
-    ),
-]
-RestOfOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--rest-of",
-        rich_help_panel=opt.BASICS,
-        metavar="PLAN.json",
-        help="Of what `replan` left: the plan that was broken off, of which it must be a part",
-    ),
-]
-TrialsOption = Annotated[
-    int,
-    typer.Option(
-        rich_help_panel=opt.SEARCH,
-        metavar="N",
-        min=1,
-        help="Random timing trials of a joint plan",
-    ),
-]
-VerboseOption = Annotated[
-    bool,
-    typer.Option(
-        "-v",
-        "--verbose",
-        rich_help_panel=opt.OUTPUT,
-        help="Say all rules, and where it came nearest",
-    ),
-]
-
 
 @app.command()
 def verify(
-    result: ResultArgument,
-    source: SourceOption = None,
-    plan: MadeFromOption = None,
-    rest_of: RestOfOption = None,
+    result: Annotated[
+        list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
+    ],
+    source: Annotated[
+        Path | None, opt.basics("--source FILE", "The G-code it was made from")
+    ] = None,
+    plan: Annotated[
+        Path | None,
+        opt.basics("--plan FILE", "Of files of several heads: the plan.json they were made from"),
+    ] = None,
+    rest_of: Annotated[
+        Path | None,
+        opt.basics(
+            "--rest-of PLAN.json",
+            "Of what `replan` left: the plan that was broken off, of which it must be a part",
+        ),
+    ] = None,
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     process_order: opt.HeldProcessOption = None,
@@ -77,9 +44,13 @@ def verify(
     freedom: opt.HeldFreedomOption = None,
     without_tower: opt.TowerOption = False,
     seed: opt.SeedOption = 0,
-    trials: TrialsOption = 3,
+    trials: Annotated[
+        int, opt.search("--trials N", "Random timing trials of a joint plan", min=1)
+    ] = 3,
     as_json: opt.JsonOption = False,
-    verbose: VerboseOption = False,
+    verbose: Annotated[
+        bool, opt.output("-v --verbose", "Say all rules, and where it came nearest")
+    ] = False,
 ) -> None:
     """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any.
 
@@ -110,11 +81,11 @@ def show(verdict: Verdict, names: str, *, as_json: bool, verbose: bool = False) 
         print_json("decmcts-verdict/1", {"file": names, **found})
         return
     for fault in verdict.faults:
-        out.print(str(fault), soft_wrap=True, markup=False)
+        out.show(str(fault))
     for line in verdict.warnings:
-        err.print(f"warning, as in the source: {line}", soft_wrap=True, markup=False)
+        err.show(f"warning, as in the source: {line}")
     n = len(verdict.faults)
     state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
     for line in checked_lines(verdict, verbose=verbose):
-        err.print(line, soft_wrap=True, markup=False)
-    err.print(f"{names}: {state}", soft_wrap=True)
+        err.show(line)
+    err.show(f"{names}: {state}")

@@ -18,7 +18,7 @@ def warm() -> None:
     parts = all_parts()
     missing = [part for part in parts if not is_compiled(part)]
     for folder in remove_unused(cache_home()):
-        err.print(f"removed {folder}, unused for 30 days", soft_wrap=True)
+        err.show(f"removed {folder}, unused for 30 days")
     with steps() as report:
         done = len(parts) - len(missing)
         if missing:
@@ -28,6 +28,6 @@ def warm() -> None:
             report(Step(f"compiling: {done} of {len(parts)} parts are done, last: {part}"))
     left = [part for part in parts if not is_compiled(part)]
     if left:
-        err.print(f"not compiled, or not kept: {', '.join(left)}", soft_wrap=True)
+        err.show(f"not compiled, or not kept: {', '.join(left)}")
         raise typer.Exit(1)
-    out.print(cache_line(), soft_wrap=True)
+    out.show(cache_line())

@@ -67,17 +67,17 @@ def _compile_beside(parts: Sequence[str], report: Report, start: StartChild) -> 
     remove_unused(cache_home())
     for folder in FOLDERS:
         Store(folder).prepare()  # if it has to be a temporary one, the child must find it
-    tell_if_unwritable(report)
+    report_if_unwritable(report)
     _children.append(start(missing))
     _beside.extend(missing)
 
 
 def finish_beside(part: str, report: Report) -> None:
     """Wait until a part that is compiled beside this process is complete, or cannot be."""
-    said_at = -EVERY_S
+    reported_at = -EVERY_S
     while compiled_beside(part) and not is_compiled(part) and _children[-1].poll() is None:
-        if time.monotonic() - said_at >= EVERY_S:
-            said_at = time.monotonic()
+        if time.monotonic() - reported_at >= EVERY_S:
+            reported_at = time.monotonic()
             report(Step(f"compiling {part}, once on this machine; {how_far(kernels_made())}"))
         time.sleep(POLL_S)
 
@@ -96,20 +96,20 @@ def compilation_told(report: Report) -> Iterator[Report]:
 
     Yields the report to use in the body: it passes events on and takes note of the step.
     """
-    step, said_at = "", 0.0
+    step, reported_at = "", 0.0
 
     def passed_on(event: Event) -> None:
-        nonlocal step, said_at
+        nonlocal step, reported_at
         report(event)
         if isinstance(event, Step):
-            step, said_at = event.text, 0.0  # set last: another thread may be compiling
+            step, reported_at = event.text, 0.0  # set last: another thread may be compiling
 
     def compiles(name: str) -> None:
-        nonlocal said_at
-        tell_if_unwritable(report)
+        nonlocal reported_at
+        report_if_unwritable(report)
         now = time.monotonic()
-        if now - said_at >= EVERY_S:
-            said_at = now
+        if now - reported_at >= EVERY_S:
+            reported_at = now
             made = how_far(kernels_made())
             report(Step(f"{step}: compiling {name}, once on this machine; {made}"))
 
@@ -117,7 +117,7 @@ def compilation_told(report: Report) -> Iterator[Report]:
         yield passed_on
 
 
-def tell_if_unwritable(report: Report) -> None:
+def report_if_unwritable(report: Report) -> None:
     """Report, once a run, that the cache cannot be written and what that costs."""
     if Store.unwritable is None or _reported:
         return

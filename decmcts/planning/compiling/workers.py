@@ -16,7 +16,7 @@ def made(missing: Sequence[str]) -> Iterator[str]:
     """Yield each part as it is done; one process begins at the front, the other at the end."""
     if not missing:
         return
-    said: queue.Queue[str | None] = queue.Queue()
+    lines: queue.Queue[str | None] = queue.Queue()
     with ExitStack() as stack:
         for worker in range(WORKERS):
             order = missing if worker == 0 else missing[::-1]
@@ -25,24 +25,24 @@ def made(missing: Sequence[str]) -> Iterator[str]:
                 subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
             )
             stack.callback(child.kill)
-            threading.Thread(target=_pass_on, args=(child, said), daemon=True).start()
-        yield from _each_once(said)
+            threading.Thread(target=_pass_on, args=(child, lines), daemon=True).start()
+        yield from _each_once(lines)
 
 
-def _pass_on(child: subprocess.Popen[str], said: queue.Queue[str | None]) -> None:
+def _pass_on(child: subprocess.Popen[str], lines: queue.Queue[str | None]) -> None:
     """Put each line a child prints into the queue, and None when it has ended."""
     assert child.stdout is not None
     for line in child.stdout:
-        said.put(line.strip())
-    said.put(None)
+        lines.put(line.strip())
+    lines.put(None)
 
 
-def _each_once(said: queue.Queue[str | None]) -> Iterator[str]:
+def _each_once(lines: queue.Queue[str | None]) -> Iterator[str]:
     """Yield each part the first time a worker names it, until all workers have ended."""
     seen: set[str] = set()
     ended = 0
     while ended < WORKERS:
-        part = said.get()
+        part = lines.get()
         if part is None:
             ended += 1
         elif part not in seen:

@@ -37,13 +37,13 @@ class Certificate:
 
     def metrics(self) -> Metrics:
         """Return the certificate as entries of a plan's metrics."""
-        said: Metrics = {"bound_mm": self.bound}
+        stated: Metrics = {"bound_mm": self.bound}
         if self.unit == "s":
-            said = {"travel_s": self.travel, "bound_s": self.bound}
-        said["gap_percent"] = self.gap_percent
+            stated = {"travel_s": self.travel, "bound_s": self.bound}
+        stated["gap_percent"] = self.gap_percent
         if self.skipped:
-            return {**said, "bound_skipped": self.skipped}
-        return {**said, "bound_method": self.method}
+            return {**stated, "bound_skipped": self.skipped}
+        return {**stated, "bound_method": self.method}
 
     @staticmethod
     def of(metrics: Metrics) -> Certificate | None:

@@ -140,9 +140,9 @@ def _kept(
         gains(planned, times), over_mm,
     )  # fmt: skip
     planned = of_given(planned)
-    said: Metrics = {"as_sliced": True, "kept_source": True, "kept_because": kept_line(kept)}
+    stated: Metrics = {"as_sliced": True, "kept_source": True, "kept_because": kept_line(kept)}
     before = planned.before
-    after = replace(before, metrics={**before.metrics, **said})
+    after = replace(before, metrics={**before.metrics, **stated})
     own = check(planned.problem, before, after, planned.history, planned.seconds, report)
     if not (path.exists() and path.samefile(source)):
         copy_source(source, path, planned.problem.source.plate)

@@ -109,7 +109,7 @@ def _plan_large(own: _OwnOrder, search: Search, stop: Stop) -> Planned:
         planned = plan_judged(own.problem, search, before=before, report=report, stop=until)
         if not text.done():
             report(Step("the text of the source's own order, judged before anything is written"))
-        own.hear(text.result())
+        own.take_text(text.result())
     return replace(planned, own_s=own.total_s)
 
 
@@ -129,16 +129,16 @@ class _OwnOrder:
         before = source_plan(self.problem)
         self.refuse(self.problem, before)
         if self.writes:
-            self.hear(self.refuse_text(self.problem, before))
+            self.take_text(self.refuse_text(self.problem, before))
         self.report(Sound())
         return before
 
-    def hear(self, text: OwnText) -> None:
+    def take_text(self, text: OwnText) -> None:
         """Keep what is known of its text, and report what is bad in it."""
         self.total_s = text.total_s
         for line in text.warnings:
-            said = f"the source drives the head into the print, which is kept: {line}"
-            self.report(Note(said))
+            stated = f"the source drives the head into the print, which is kept: {line}"
+            self.report(Note(stated))
 
 
 def search_alone(
@@ -264,15 +264,15 @@ def _first_bound(
 def _search_metrics(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:
     """Return what a plan's metrics say of the search."""
     rules = problem.rules
-    said: Metrics = {
+    stated: Metrics = {
         "planner": search.name,
         "objective": search.objective.value,
         "freedom": rules.freedom.value,
     }
     if rules.freedom == Freedom.SEAM:
-        said["seam"] = rules.seam.value
+        stated["seam"] = rules.seam.value
     return {
-        **said,
+        **stated,
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,
         "iterations": result.iterations,

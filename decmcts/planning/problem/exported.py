@@ -21,10 +21,10 @@ def exported_file(path: Path, environment: Mapping[str, str] = os.environ) -> Pa
     Where the file will be sent to a printer, or the slicer names a folder that is not there,
     only the name is taken: the folder is that of the file that was handed over.
     """
-    said = environment.get(NAME, "")
-    if not said or "\0" in said or said.endswith(("/", os.sep)):
+    stated = environment.get(NAME, "")
+    if not stated or "\0" in stated or stated.endswith(("/", os.sep)):
         return path
-    final = Path(said)
+    final = Path(stated)
     if final.name in ("", "..", "."):
         return path
     stays = environment.get(HOST, "") in A_FILE and final.is_absolute() and final.parent.is_dir()

@@ -113,7 +113,7 @@ def _written(
     verdict = verify_written(draft, job, source.document, machine, actions=plan.heads[0])
     if not verdict.ok:
         lines = SourceLines.of(draft, job.contours.line[order])
-        return lines.said(str(verdict.faults[0]))
+        return lines.stated(str(verdict.faults[0]))
     anew, text = read_gcode(draft)
     if len(anew.contours) != len(order):
         return "what was written so reads as other contours"

@@ -88,7 +88,7 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     verdict = _write(source, order, draft)
     if not verdict.ok:
         lines = SourceLines.of(draft, job.contours.line[order])
-        why = lines.said(str(verdict.faults[0])) + _in_one_piece(job.contours)
+        why = lines.stated(str(verdict.faults[0])) + _in_one_piece(job.contours)
         raise _no_order(source, collision, why)
     layered, document = read_gcode(draft)
     if len(layered.contours) != len(order):

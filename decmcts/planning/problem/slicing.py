@@ -217,8 +217,8 @@ def run_slicer(
         When it cannot start, fails, or takes longer than `timeout_s`.
     """
     program = Path(words[0])
-    with (folder / "said.txt").open("wb") as said:
-        process = _start(words, folder, said, program)
+    with (folder / "said.txt").open("wb") as output:
+        process = _start(words, folder, output, program)
         try:
             code = process.wait(timeout_s)
         except subprocess.TimeoutExpired:
@@ -233,12 +233,12 @@ def run_slicer(
 
 
 def _start(
-    words: tuple[str, ...], folder: Path, said: IO[bytes], program: Path
+    words: tuple[str, ...], folder: Path, output: IO[bytes], program: Path
 ) -> subprocess.Popen[bytes]:
     """Start a program in a session of its own, so that all it starts can be ended."""
     try:
         return subprocess.Popen(
-            words, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT,
+            words, cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
             start_new_session=True,
         )  # fmt: skip
     except OSError as error:
@@ -247,8 +247,8 @@ def _start(
 
 def _fail(program: Path, what: str, folder: Path, mesh: Path) -> NoReturn:
     """Raise InputError with the most likely reason among what the slicer printed."""
-    said = folder / "said.txt"
-    text = said.read_bytes()[-TAIL_BYTES:].decode("utf-8", "replace") if said.exists() else ""
+    output = folder / "said.txt"
+    text = output.read_bytes()[-TAIL_BYTES:].decode("utf-8", "replace") if output.exists() else ""
     reason = why(text)
     raise InputError(
         f"{program.name} {what}" + (f": {reason}" if reason else ""),
@@ -257,7 +257,7 @@ def _fail(program: Path, what: str, folder: Path, mesh: Path) -> NoReturn:
     )
 
 
-def why(said: str) -> str:
+def why(output: str) -> str:
     r"""Return the line of a slicer's output that most likely names the cause.
 
     Examples
@@ -265,6 +265,6 @@ def why(said: str) -> str:
     >>> why("10 => Processing\nerror: objects do not fit\nsee the manual")
     'error: objects do not fit'
     """
-    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    lines = [line.strip() for line in output.splitlines() if line.strip()]
     blamed = [x for x in lines if "error" in x.lower() or "could not" in x.lower()]
     return (blamed or lines or [""])[-1][:300]

@@ -50,6 +50,6 @@ class SourceLines:
         named = _LINE.search(text)
         return None if named is None else self.at(int(named[1]))
 
-    def said(self, text: str) -> str:
+    def stated(self, text: str) -> str:
         """Return a text with the lines it names as lines of the source."""
         return _LINE.sub(lambda named: f"line {self.at(int(named[1])) or named[1]}", text)

@@ -22,7 +22,7 @@ from agents.launching.spawn import SECRET_BYTES
 from agents.networks.meeting import Meeting
 from agents.running.heads import HeadProcesses, Recorded
 from agents.running.port import Ready
-from agents.running.witnessing import WITNESS, WitnessProcess
+from agents.running.witnessing import WitnessProcess
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, unheard
 from decmcts.planning.problem.source import Source
@@ -55,7 +55,7 @@ class Launcher:
     report: Report = unheard
     show: Show = unseen
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None
-    heard: queue.Queue[AgentLine | Recorded | News] = field(default_factory=queue.Queue)
+    received: queue.Queue[AgentLine | Recorded | News] = field(default_factory=queue.Queue)
     team: Team = field(init=False)
     renewal: Renewal = field(init=False)
     failing: Failing = field(init=False)
@@ -67,7 +67,7 @@ class Launcher:
     def __post_init__(self) -> None:
         sources = {} if self.source is None else {0: self.source}
         self.team = Team(self.document, self.folder, self.report)
-        self.renewal = Renewal(self.team, self.options, self.heard.put, sources)
+        self.renewal = Renewal(self.team, self.options, self.received.put, sources)
         self.failing = Failing(self.team, self.renewal)
         self.asking = Asking(self.team, self.failing, self.asked)
 
@@ -88,7 +88,7 @@ class Launcher:
                     one.end()
                 if self.team.witness is not None:
                     self.team.witness.end()
-                self._hear(0.0)
+                self._receive(0.0)
 
     def _spawn(self, places: Places) -> None:
         """Start two processes a head; a head alone needs no place to meet others."""
@@ -97,13 +97,13 @@ class Launcher:
         if n > 1:
             all_places, secret = places.fresh(), secrets.token_bytes(SECRET_BYTES)
             meeting = Meeting(all_places[:n], secret)
-            self.team.witness = WitnessProcess(Meeting(all_places, secret), epoch, self.heard.put)
+            self.team.witness = WitnessProcess(Meeting(all_places, secret), epoch)
         for h, head in enumerate(self.team.heads):
             command = [*CONTROLLER, "--name", head.name, "--head", str(h), "--clock",
                        str(clock_path), "--timing", given.timing.value, "--error",
                        str(given.error), "--seed", str(given.seed), "--queue",
                        str(given.queue)]  # fmt: skip
-            self.team.processes.append(HeadProcesses(h, command, self.heard.put))
+            self.team.processes.append(HeadProcesses(h, command, self.received.put))
         more = ["--loss", str(given.loss), "--delay", str(given.delay_s / given.speed),
                 "--seed", str(given.seed)]  # fmt: skip
         for one in self.team.processes:
@@ -119,7 +119,7 @@ class Launcher:
                 gone = [h.name for h in heads if h.number < 0]
                 why = next((h.agent_gone for h in heads if h.agent_gone), "")
                 raise InputError(f"the processes of {', '.join(gone)} did not start {why}".strip())
-            self._hear()
+            self._receive()
         self.on_start(
             {head.name: (one.agent.pid, one.controller_pid)
              for head, one in zip(heads, self.team.processes, strict=True)}
@@ -128,7 +128,7 @@ class Launcher:
 
     def step(self) -> None:
         """Take in what happened, and act where a head fails or a person asks."""
-        self._hear()
+        self._receive()
         self._keep_pace()
         self.asking.obey()
         self.failing.find()
@@ -153,12 +153,12 @@ class Launcher:
 
     # What is heard ----------------------------------------------------------
 
-    def _hear(self, timeout_s: float = POLL_S) -> None:
+    def _receive(self, timeout_s: float = POLL_S) -> None:
         """Take all that has arrived, waiting for the first."""
         try:
-            self.take(self.heard.get(timeout=timeout_s))
+            self.take(self.received.get(timeout=timeout_s))
             while True:
-                self.take(self.heard.get_nowait())
+                self.take(self.received.get_nowait())
         except queue.Empty:
             return
 
@@ -170,9 +170,6 @@ class Launcher:
                     self._take_record(item)
             case Recorded():
                 self._take_record(item)
-            case AgentLine(head=head) if head == WITNESS:
-                assert self.team.witness is not None
-                self.team.witness.take(item)
             case AgentLine():
                 self._take_agent(item)
             case Parking() | Renewed() | NotRenewed():

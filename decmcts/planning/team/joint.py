@@ -177,7 +177,7 @@ def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan |
 
 def _freedom_metrics(orders: OrderChoices) -> Metrics:
     """Return what a plan's metrics say of its freedom and objective."""
-    said: Metrics = {"freedom": orders.freedom}
+    stated: Metrics = {"freedom": orders.freedom}
     if orders.freedom == "seam":
-        said["seam"] = orders.seam
-    return {**said, "objective": orders.objective}
+        stated["seam"] = orders.seam
+    return {**stated, "objective": orders.objective}

@@ -70,7 +70,7 @@ class Deciding:
         self._rows: list[tuple[float, ...]] = []
         self._least_s = 0.0  # between two rows
 
-    def heard(self, agents: tuple[AgentStatus, ...]) -> None:
+    def take(self, agents: tuple[AgentStatus, ...]) -> None:
         """Keep what the agents state, if enough time has passed."""
         seconds = max((agent.elapsed_s for agent in agents), default=0.0)
         if not seconds or (self._rows and seconds < self._rows[-1][0] + self._least_s):
@@ -88,17 +88,17 @@ class Deciding:
 
 def lines_of(team: TeamMetrics) -> list[str]:
     """Return a line for whatever a user should know of the agents, from a plan's metrics."""
-    said = [f"{team['failed']}; one head prints alone"] if team["failed"] else []
+    lines = [f"{team['failed']}; one head prints alone"] if team["failed"] else []
     if not team["failed"]:
         lost = team["lost"].items()
-        said += [f"head {name} was lost ({why}); the plan does without it" for name, why in lost]
+        lines += [f"head {name} was lost ({why}); the plan does without it" for name, why in lost]
     for name, why in team["again"].items():
         if team["failed"] or name not in team["lost"]:
-            said.append(f"the agent of head {name} was started again ({why})")
+            lines.append(f"the agent of head {name} was started again ({why})")
     if counts := team["disturbed"]:
         what = ", ".join(f"{n} × {reason}" for reason, n in counts.items())
-        said.append(f"somebody disturbed the agents; dropped and not heard: {what}")
-    return said
+        lines.append(f"somebody disturbed the agents; dropped and not heard: {what}")
+    return lines
 
 
 def _traffic(agent: AgentStatus) -> dict[str, object]:

@@ -252,7 +252,7 @@ def _agreed(
     problem, deciding = ready.problem, Deciding()
 
     def passed_on(states: tuple[AgentStatus, ...]) -> None:
-        deciding.heard(states)
+        deciding.take(states)
         report(Heads(states, ready.bound_s))
 
     passed_on(())

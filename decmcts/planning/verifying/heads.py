@@ -104,9 +104,7 @@ def judge_heads_alone(
         text += "" if machine else " (another is named with --machine)"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
     rules = held.over(usual_rules(chosen)) if held.any_rule else None
-    judge = partial(
-        _judge_alone, paths, files, machine=chosen, rules=rules, seed=seed, trials=trials
-    )
+    judge = partial(_judge_alone, files, machine=chosen, rules=rules, seed=seed, trials=trials)
     found = judge(source=(job, document))
     for taken in () if found.ok else _taken_otherwise(job, document):
         found = min(judge(source=taken), found, key=lambda verdict: len(verdict.faults))
@@ -124,7 +122,7 @@ def _taken_otherwise(
 
 
 def _judge_alone(
-    paths: Sequence[Path], files: Sequence[HeadFile], *, source: tuple[PrintJob, GcodeDocument],
+    files: Sequence[HeadFile], *, source: tuple[PrintJob, GcodeDocument],
     machine: Machine, rules: OrderRules | None, seed: int, trials: int,
 ) -> Verdict:  # fmt: skip
     """Verify files of heads against one reading of their source."""
@@ -135,7 +133,7 @@ def _judge_alone(
     # Its times are made up. How near signals are is judged by the files' own lines, below.
     made_up = replace(plan, machine=replace(plan.machine, signal_interval_s=0.0))
     verdict = verify_plan(made_up, source=job, rules=rules, trials=trials, seed=seed)
-    more = verify_heads_on(machine, paths, plan.plan, job, document, read=True)
+    more = verify_heads_on(machine, files, plan.plan, job, document, read=True)
     every = (*altered, *verdict.faults, *more.faults)
     checked = (*verdict.checked[:1], WITHOUT_PLAN)
     counts = {**verdict.counts, **more.counts}

@@ -61,7 +61,7 @@ def test_how_distributions_sharpen_is_kept_in_few_rows() -> None:
     deciding = Deciding()
     for step in range(10_000):
         heads = (AgentStatus(0, "a", elapsed_s=step / 10, entropy=1.0 - step / 10_000),)
-        deciding.heard(heads)
+        deciding.take(heads)
     seconds = [row[0] for row in deciding.rows]
     assert 50 <= len(seconds) <= Deciding.MOST and seconds[-1] > 970.0
     gaps = [b - a for a, b in pairwise(seconds)]

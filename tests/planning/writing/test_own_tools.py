@@ -23,10 +23,10 @@ from decmcts.print.contours import Role
 from decmcts.print.idle import IDLE_S, Practice
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.simulate import simulate
-from sim.experiments.made_print import made_tools_gcode
 from sim.files.tower import read_without_tower
 from sim.heads.changes import without_changes
 from tests.makers.agents import Agents
+from tests.makers.two_tools import made_tools_gcode
 from tests.planning.writing.test_tools import (
     HOT,
     STANDBY,

@@ -179,6 +179,46 @@ def test_each_head_is_hot_before_it_prints_and_off_at_the_end(
     assert run(["verify", *map(str, files), "--source", source, "--plan", plan]) == 1
 
 
+BAMBU = "M104 S210\nG28 Z P0 T300\nT0\nM620.1 E F523 T240\nM109 S210\nT1000\nM900 L1000 M1\n\
+M900 K0.04\nT1100\nM900 K0.02\nT1000"
+
+
+@pytest.mark.slow
+def test_what_is_no_tool_takes_nothing_from_the_tool_in_use(agents: Agents, tmp_path: Path) -> None:
+    """T1000 and T1100 turn on scanners of Bambu's printers, T240 and T300 are degrees.
+
+    Taken for tools, they made the judge forget what was set before, and refuse sound files.
+    """
+    source, machine = one_hot_end(tmp_path, first=BAMBU), machine_file(tmp_path, 0, 1)
+    plan = launched(source, machine, tmp_path, agents)
+    files = [tmp_path / f"out_{name}.gcode" for name in ("left", "right")]
+    assert run(["verify", *map(str, files), "--source", source, "--plan", plan]) == 0
+    due = ["G28 Z P0 T300", "M620.1 E F523 T240", "T1000", "T1100", "T1000"]
+    for path in files:
+        rows = path.read_text().split("\n")
+        assert [row for row in rows if row in due] == due
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "first",
+    [
+        "T0\nM109 S210\nM900 L5\nM900 K0.1\nT1\nM109 S220\nM900 K0.2\nT0\nM900 K0.3",
+        "T1\nM109 S220\nM572 S0.1\nM900 L5\nM900 K0.1\nT0\nM109 S210\nM900 K0.2",
+    ],
+)
+def test_what_start_code_has_set_of_tools_stays(agents: Agents, tmp_path: Path, first: str) -> None:
+    """Word by word: a head's file chooses no tool, so nothing set before is forgotten there."""
+    source, machine = one_hot_end(tmp_path, first=first), machine_file(tmp_path, 0, 1)
+    plan = launched(source, machine, tmp_path, agents)
+    files = [tmp_path / f"out_{name}.gcode" for name in ("left", "right")]
+    words = ["verify", *map(str, files), "--source", source, "--plan", plan]
+    assert run(words) == 0
+    text = files[0].read_text()
+    files[0].write_text(text.replace(";TYPE:", "M900 L9\n;TYPE:", 1))
+    assert run(words) == 1
+
+
 def test_a_tool_that_nothing_heats_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

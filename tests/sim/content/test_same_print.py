@@ -70,7 +70,7 @@ def test_a_plan_may_ask_for_less_than_its_controllers_can_do(make):
 def test_limits_are_the_machines_or_the_sources(make):
     """A source's limits replace the machine's; others are nobody's."""
     document = make.tower_plan()
-    said = replace(MotionLimits.unsaid(), acceleration=900.0)
+    said = replace(MotionLimits.unstated(), acceleration=900.0)
     source = PrintJob("source", document.contours, limits=said)
     machine = document.machine
     for limits, due in (

@@ -13,10 +13,11 @@ from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from decmcts.print.toolpath import Toolpath
-from sim.experiments.made_print import made_gcode, made_tools_gcode
+from sim.experiments.made_print import made_gcode
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from tests.direct_actions import direct_actions
+from tests.makers.two_tools import made_tools_gcode
 from tests.mutants.catalogue import NotHereError
 from tests.mutants.gcode import GCODE_MUTANTS
 from tests.mutants.tools import TOOL_MUTANTS

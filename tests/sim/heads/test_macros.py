@@ -19,8 +19,8 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import ACTION_END
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
-from sim.heads.macros import check_macros
 from sim.heads.plan import plan_of_files
+from tests.sim.heads.macro_rules import check_macros
 from tests.sim.heads.test_together import Made, cut, nth
 from tests.sim.test_head_points import half_way, two_heads
 

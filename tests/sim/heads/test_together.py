@@ -18,7 +18,7 @@ from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, e
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
-from sim.heads.file import own_commands
+from sim.heads.file import own_commands, read_head_file
 from sim.heads.together import verify_heads
 from tests.direct_actions import direct_actions
 from tests.makers.parked import parked
@@ -115,6 +115,22 @@ def made(tmp_path: Path) -> Made:
 
 def test_honest_files_pass(made):
     """With wipes, a barrier, other tools' heating, reversed contours and waits both ways."""
+    assert made.judged().faults == ()
+
+
+def test_a_travel_that_a_file_of_many_decimals_alone_tells_passes(tmp_path: Path) -> None:
+    """From one end of a bead to the next, 0.4 micrometres: the file has it, as a move."""
+    near = LAYERS.replace("G1 X69 E.5 F900\nG1 Y13 E.2", "G1 X69 E.5 F900\nG1 X99.0004 Y13 E.2", 1)
+    made = Made(tmp_path, layers=near)
+    assert "G1 X99.0004 Y13.0000 F9000\n" in made.paths[1].read_text()
+    assert made.judged().faults == ()
+
+
+def test_files_that_are_read_already_are_not_read_again(made: Made) -> None:
+    """`verify` of files without their plan reads each once, to find the plan in it."""
+    made.paths = [read_head_file(path) for path in made.paths]
+    for file in made.paths:
+        Path(file.path).unlink()
     assert made.judged().faults == ()
 
 

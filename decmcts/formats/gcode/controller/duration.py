@@ -98,7 +98,7 @@ def text_time(
     lines = split_lines(text, path)
     motion = interpret(lines)
     track = track_state(lines, motion)
-    stated = stated_limits(text) if own_limits else MotionLimits.unsaid()
+    stated = stated_limits(text) if own_limits else MotionLimits.unstated()
     rows = state_limits(track.table, limits.under(stated), stated, own=own_limits)
     program, line = file_program(lines, motion, track, rows)
     seconds = program.seconds()

@@ -48,7 +48,7 @@ def stated_limits(text: bytes) -> MotionLimits:
         if m.start() == 0 or text[m.start() - 1 : m.start()] == b"\n"
     }
     if found.get("machine_limits_usage", "").strip() == "ignore":
-        return MotionLimits.unsaid()
+        return MotionLimits.unstated()
     printing = _first(found, "machine_max_acceleration_extruding")
     legacy = found.get("gcode_flavor", "").strip() == "marlin"  # has no travel acceleration
     return MotionLimits(
@@ -119,7 +119,7 @@ def state_limits(
 
 def commanded(states: StateTable, column: int, stated: MotionLimits) -> NDArray[np.float64]:
     """Return what commands set one column of the limits to in each state, NaN: nothing, (n,)."""
-    return np.asarray(state_limits(states, MotionLimits.unsaid(), stated)[:, column])
+    return np.asarray(state_limits(states, MotionLimits.unstated(), stated)[:, column])
 
 
 def parameters(text: str) -> dict[str, float]:

@@ -18,6 +18,7 @@ from decmcts.formats.gcode.text.scan_kernels import D, E, F, R, S
 RELATIVE_XYZ, RELATIVE_E, TOOL, FIRMWARE_RETRACTED, MODE_SET = range(5)
 N_MODES = 5
 MAX_TOOLS = 16
+LAST_TOOL = 254  # T255, T1000 and T1100 choose no tool of Bambu's printers, nor of any other
 
 
 @kernel
@@ -34,8 +35,8 @@ def _modal(letter: int, code: int, values: NDArray[np.float64], modes: NDArray[n
             modes[MODE_SET] = 1
         elif code == 2000 and not math.isnan(values[D]):
             return float(math.pi * values[D] * values[D] / 4.0)
-    elif letter == 84:
-        modes[TOOL] = min(code // 10, 32000)
+    elif letter == 84 and code // 10 <= LAST_TOOL:
+        modes[TOOL] = code // 10
     return -1.0
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.controller.held import Targets, WordsInForce, target_of
 from decmcts.formats.gcode.controller.motion import Motion
-from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_E, RELATIVE_XYZ
+from decmcts.formats.gcode.controller.moves_kernels import LAST_TOOL, RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.dialects.dialect import (
     CANONICAL,
     OF_TOOL,
@@ -184,12 +184,14 @@ class _StateCollector:
 
         Books are kept of each in each stretch, so their number is limited.
         """
+        if (found := _TOOL.match(code)) and int(found[1]) > LAST_TOOL:
+            return
         self.tools.add(code)
         if len(self.tools) > MOST_TOOLS:
             raise self.lines.refuse(
                 line, f"over {MOST_TOOLS} tools", "is it G-code of one printer?"
             )
-        tool = (found[1].lstrip("0") or "0") if (found := _TOOL.match(code)) else code
+        tool = (found[1].lstrip("0") or "0") if found else code
         if tool != self.tool:
             self.tool = tool
             for slot in sorted(OF_TOOL & self.slots.keys()):

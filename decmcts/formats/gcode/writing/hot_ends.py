@@ -17,6 +17,7 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.held import Targets
+from decmcts.formats.gcode.controller.moves_kernels import LAST_TOOL
 from decmcts.formats.gcode.dialects.dialect import Kind, classify
 from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
@@ -77,7 +78,7 @@ class HotEndTarget:
 def selected_by(line: bytes) -> int | None:
     """Return the tool a line selects; None: none."""
     match = _SELECT.match(line)
-    return None if match is None else int(match[1])
+    return int(match[1]) if match and int(match[1]) <= LAST_TOOL else None
 
 
 def hot_end_command(line: bytes) -> HotEndCommand | None:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from decmcts.formats.gcode.controller.motion import interpret
+from decmcts.formats.gcode.controller.moves_kernels import LAST_TOOL
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
@@ -36,7 +37,7 @@ _E_MODE = re.compile(rb"^\s*(M8[23]|G9[01])(?![0-9.])", re.I)
 _SETS_E = re.compile(rb"^\s*G92(?![0-9.])[^;(]*E", re.I)
 _HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
 _FOR_TOOL = re.compile(
-    rb"^(\s*(?!M0*(?:20[1-5]|593)(?![0-9.]))[MG]\d[^;]*?)(?:(?<!\s)\s++|(?<=[0-9.]))T(\d++)(?=[\s;A-Z(]|$)",
+    rb"^(\s*(?!M0*(?:20[1-5]|593)(?![0-9.])|[MG]\d++\.)[MG]\d[^;]*?)(?:(?<!\s)\s++|(?<=[0-9.]))T(\d++)(?=[\s;A-Z(]|$)",
     re.I,
 )
 
@@ -215,6 +216,8 @@ def _for_own_tool(line: bytes, tool: int | None, heat_taken: HeatTaken | None) -
     `heat_taken` is given where another tool is selected.
     """
     named = _FOR_TOOL.match(line)
+    if named and int(named.group(2)) > LAST_TOOL:  # degrees, say
+        named = None
     if named and (tool is None or int(named.group(2)) == tool):
         return named.group(1) + line[named.end() :]
     if named or (heat_taken is not None and not is_taken(heat_taken, hot_end_command(line))):

@@ -33,3 +33,11 @@ def test_more_than_any_machine_has_is_refused_with_its_line(tmp_path, line, most
     assert first + most // 2 <= caught.value.line <= first + most + 2
     source.write_text(head + "".join(line.format(k) for k in range(1, most // 2 - 4)) + BEAD)
     assert len(read_gcode(source)[0].contours) == 1
+
+
+@pytest.mark.parametrize(("line", "tool"), [("T254", 254), ("T255", 3), ("T1000", 3), ("T01", 1)])
+def test_above_254_nothing_is_a_tool(tmp_path, line, tool):
+    """Start code for Bambu's printers ends with T1000; all contours had been that tool's."""
+    source = tmp_path / "a.gcode"
+    source.write_text(f"{START}T3\n{line}\n{BEAD}")
+    assert read_gcode(source)[0].contours.tool.tolist() == [tool]

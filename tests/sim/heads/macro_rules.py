@@ -1,8 +1,6 @@
-"""Whether the words of heads' files, and the macros behind them, do what the files count on.
+"""Whether the macros that are shipped do what heads' files count on.
 
-Known of controllers are a few things that make a signal come early, or never; each is looked for
-in the text (docs/gcode.md has the lines of their sources). A macro that has none of these may be
-wrong all the same: nothing here runs it.
+A macro that has none of the known faults may be wrong all the same: nothing here runs it.
 """
 
 from __future__ import annotations
@@ -11,28 +9,17 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from decmcts.print.machine import Machine, Release
+from decmcts.print.machine import Machine
 from decmcts.print.sync_words import SyncWords
 from sim.faults import Fault, FaultKind, listed
+from sim.heads.words import M42, SYSTEMS, WHEN_READ, check_words, of_m42
 
 DROPPED_S = 0.1  # Klipper drops changes of an output nearer than this
-_STOPS = re.compile(r"(M400|G0*4|M0|M1|M25|M226|M577|M598|PAUSE|TEMPERATURE_WAIT)\b", re.I)
-_WHEN_READ = re.compile(r"(M11[78]|M98|RESPOND|RUN_SHELL_COMMAND)\b|.*action_", re.I)
-_RESUMED = re.compile(r"(M0|M1|M25|M601|PAUSE)\b", re.I)
-_SYSTEMS = re.compile(r"\s*(M59[678]|M606)\b", re.I)
-_M42 = re.compile(r"\s*M42\b(.*)", re.I)
 _SECTION = re.compile(r"^\[([^\]]+)\][^\n]*\n((?:[^\[\n][^\n]*\n|\n)*)", re.M)
 _CALLED = re.compile(r'M98 P"([^"]+)"')
 _TRIGGER = re.compile(r"^[ \t]*+M581 P(\d+) T(\d+) S([01])\b", re.M)
 _INPUT = re.compile(r"^[ \t]*+M950 J(\d+)\b", re.M)
 _WAITS = re.compile(r"^while global\.(\w+)\[param\.H\] < param\.C$\n^ +G4 P[1-9]\d*$", re.M)
-
-
-def check_words(words: SyncWords, release: Release) -> list[Fault]:
-    """Check the lines of the files themselves."""
-    lines = list(_of_wait(words))
-    lines += list(_of_passed(words.passed)) if release == "point" else []
-    return listed(FaultKind.COMMAND, lines)
 
 
 def check_macros(machine: Machine, texts: Mapping[str, str]) -> list[Fault]:
@@ -51,32 +38,6 @@ def check_macros(machine: Machine, texts: Mapping[str, str]) -> list[Fault]:
     return listed(FaultKind.COMMAND, lines)
 
 
-def _of_wait(words: SyncWords) -> Iterator[str]:
-    if _RESUMED.match(words.wait):
-        yield f"'{words.wait}': what resumes before the pause is dropped, so the head never goes on"
-    if _SYSTEMS.match(words.wait):
-        yield f"'{words.wait}' is for motion systems of one board, files are for one each"
-
-
-def _of_passed(line: str) -> Iterator[str]:
-    """Yield what keeps a line from being a signal in step with the moves."""
-    if _STOPS.match(line):
-        yield f"'{line}' stops the head, so it is no signal in motion"
-    if _WHEN_READ.match(line):
-        yield f"'{line}' runs when it is read, before the moves above it have ended"
-    if not {"{number}", "{count}", "{level}"} & set(re.findall(r"\{\w+\}", line)):
-        yield f"'{line}' is the same for every signal, so nothing changes"
-    if match := _M42.match(line):
-        yield from _of_m42(match[1])
-
-
-def _of_m42(rest: str) -> Iterator[str]:
-    """Yield what keeps M42 out of RepRapFirmware's queue of moves."""
-    for word in rest.split():
-        if not re.fullmatch(r"[PFQ]\d+|S(\d+(\.\d+)?|\{level\})", word, re.I):
-            yield f"M42 with '{word}', which is no literal value, is not queued with the moves"
-
-
 def _of_reprapfirmware(words: SyncWords, texts: Mapping[str, str]) -> Iterator[str]:
     if called := _CALLED.match(words.wait):
         text = texts.get(called[1], "")
@@ -86,10 +47,10 @@ def _of_reprapfirmware(words: SyncWords, texts: Mapping[str, str]) -> Iterator[s
         yield from _of_triggers(texts, counter)
     for name, text in texts.items():
         for row in text.splitlines():
-            if _SYSTEMS.match(row):
+            if SYSTEMS.match(row):
                 yield f"{name}: '{row.strip()}': signals are in step on motion system 0 only"
-            if match := _M42.match(row):
-                yield from (f"{name}: {what}" for what in _of_m42(match[1]))
+            if match := M42.match(row):
+                yield from (f"{name}: {what}" for what in of_m42(match[1]))
 
 
 def _of_triggers(texts: Mapping[str, str], counter: str) -> Iterator[str]:
@@ -124,7 +85,7 @@ def _of_klipper(words: SyncWords, title: str, body: str) -> Iterator[str]:
         yield f"{title} has an M400 among other lines: a macro is rendered before any of them runs"
     if name == words.wait.split()[0]:
         yield f"{title} is a macro, and no macro waits: its lines run at once"
-    if name == words.passed.split()[0] and any(_WHEN_READ.match(row) for row in rows):
+    if name == words.passed.split()[0] and any(WHEN_READ.match(row) for row in rows):
         yield f"{title} tells others when it is read, before the moves above it have ended"
 
 
