@@ -173,8 +173,8 @@ def begin_in(
 
     A head stops wherever it has to wait for a place that it has not waited for before, whether or
     not the other has passed that by then (`decmcts.team.schedule.standing`): `Fleet.rest_s`
-    (mutates heads). Places farther back than `LOOK_BACK` units are passed over where that is no
-    matter of safety.
+    (mutates heads). Units farther back than `LOOK_BACK` count only if they have not ended by then,
+    so that long work far apart costs nothing to look through; the exact plan counts all.
     """
     stops = False
     for s in range(len(heads.free)):
