@@ -40,12 +40,12 @@ from decmcts.planning.replanning.rest import (
     left_out,
     printed_contours,
     refuse_other,
-    source_rows,
-    stretches_of,
 )
+from decmcts.planning.replanning.stretches import Able, stretches_left
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import Launch, plan_team
 from decmcts.print.brief import brief
+from decmcts.print.contours import Contours, taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Machine, Point
 from decmcts.print.plan import PlanDocument
@@ -148,9 +148,9 @@ def rest_of(
     whole = slowed(whole, slower or {})
     machine = living_machine(whole, at, document.contours)
     other = needed(print_with or {}, machine, document.contours)
-    left = left_out(document, left_open, _able(document, job, machine, other))
+    left = left_out(document, left_open, _able(job, machine, other, document.contours))
     rows = left_open & ~left.rows
-    stretches = _to_print(document, job, rows, broken)
+    stretches = _to_print(document, job, rows, broken, partial(_able, job, machine, other))
     if not stretches:
         raise InputError(left.stated(document.contours) or "nothing is left to print")
     others = _with_others(document, source, rows, other)
@@ -161,20 +161,20 @@ def rest_of(
         anew.job, name=job.name, printed=printed, fenced=Fenced(whole, at) if at else None,
         print_with=pairs,
     )  # fmt: skip
-    require_passed(Verdict(tuple(check_rest(alone.contours, printed, document, dict(pairs)))))
+    gone = taken(document.contours, np.flatnonzero(left.rows))
+    require_passed(Verdict(check_rest(alone.contours, printed, document, dict(pairs), gone).faults))
     done, missing = int(state.done.sum()), left.stated(document.contours)
     return Rest(replace(anew, job=alone), left, tuple(broken), done, missing, pairs, tuple(others))
 
 
 def _able(
-    document: PlanDocument, job: PrintJob, machine: Machine, other: Mapping[int, int]
+    job: PrintJob, machine: Machine, other: Mapping[int, int], contours: Contours
 ) -> NDArray[np.bool_]:
-    """Tell which contours of a plan some head of a machine can print, (n,).
+    """Tell which contours some head of a machine can print, (n,).
 
     `other` has the tools that are printed with others.
     """
-    contours = printed_with(document.contours, other)
-    whole = replace(job, contours=contours, acceleration=None)
+    whole = replace(job, contours=printed_with(contours, other), acceleration=None)
     return np.asarray(able_heads(whole, machine).any(axis=1))
 
 
@@ -195,14 +195,16 @@ def _with_others(
 
 
 def _to_print(
-    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], broken: Sequence[Broken]
-) -> list[Stretch]:
+    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], broken: Sequence[Broken],
+    able: Able,
+) -> list[Stretch]:  # fmt: skip
     """Return the stretches of these contours in the order of the source, (n,) `rows`."""
-    begun = {one.contour: one.rest for one in broken if one.rest}
-    found, row_of = list[Stretch](), source_rows(document, job)
-    for c in np.flatnonzero(rows).tolist():
-        found += begun[c] if c in begun else stretches_of(document, job, c, row_of)
-    return sorted(found, key=lambda one: one.of)
+    begun, whole = {one.contour: one.rest for one in broken if one.rest}, rows.copy()
+    whole[list(begun)] = False
+    found = stretches_left(document, job, whole, able)
+    for contour, rest in begun.items():
+        found += rest if rows[contour] else ()
+    return sorted(found, key=lambda one: (one.of, int(one.row[0])))
 
 
 def _written(
