@@ -6,7 +6,7 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -58,6 +58,7 @@ from sim.content.rest import check_rest
 from sim.faults import Verdict
 
 ROUNDED_MM, ROUNDED_E_MM = 1.5e-3, 1e-4  # of what is written and read back
+AT_PARK_MM = 0.01
 HOMES = (
     "the start code is run once more: see that it neither homes over what is printed nor drives "
     "into it"
@@ -75,6 +76,7 @@ class Rest:
     missing: str = ""  # what no living head can finish, in words
     print_with: tuple[tuple[int, int], ...] = ()  # tools, and those that print for them
     others: tuple[str, ...] = ()  # what is printed with another tool, in words
+    away: tuple[str, ...] = ()  # heads that live and were last seen elsewhere than at their parks
 
     __repr__ = brief("source", "done", "broken", "missing")
 
@@ -85,7 +87,12 @@ class Rest:
             f"{_broke(one)}: its last {one.missing_mm:.1f} mm are printed"
             for one in self.broken if self._is_finished(one)
         ]  # fmt: skip
-        return [*self.others, *self.unfinished, *finished]
+        away = [
+            f"head {name} was last seen away from its park: take it there before any file is run, "
+            "for each goes there while the others stand where they are"
+            for name in self.away
+        ]
+        return [*self.others, *self.unfinished, *finished, *away]
 
     @property
     def unfinished(self) -> list[str]:
@@ -164,7 +171,18 @@ def rest_of(
     gone = taken(document.contours, np.flatnonzero(left.rows))
     require_passed(Verdict(check_rest(alone.contours, printed, document, dict(pairs), gone).faults))
     done, missing = int(state.done.sum()), left.stated(document.contours)
-    return Rest(replace(anew, job=alone), left, tuple(broken), done, missing, pairs, tuple(others))
+    anew, away = replace(anew, job=alone), tuple(_away(state, machine))
+    return Rest(anew, left, tuple(broken), done, missing, pairs, tuple(others), away)
+
+
+def _away(state: PrintState, machine: Machine) -> Iterator[str]:
+    """Yield the heads of a machine that were last seen elsewhere than at their parks."""
+    parks = {head.name: head.park for head in machine.heads}
+    for head in state.heads:
+        if head.head in parks and head.at is not None:
+            apart = np.subtract(head.at, parks[head.head])
+            if float(np.linalg.norm(apart)) > AT_PARK_MM:
+                yield head.head
 
 
 def _able(
