@@ -2,42 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
-from decmcts.planning.events import unheard
-from decmcts.planning.options import Cut, Rules, TeamSearch
-from decmcts.planning.problem.print_problem import problem_of
+from decmcts.planning.options import Cut, TeamSearch
 from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of
 from decmcts.planning.replanning.rest import LeftBeads
-from decmcts.planning.result import Result
-from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.contours import Contours
 from decmcts.print.print_state import PrintState, state_of_events, state_of_layers
-from tests.makers.agents import Agents
-from tests.makers.slab import slab_gcode
-from tests.planning.replanning.conftest import Made, log_until, read_made, within_print
+from tests.planning.replanning.conftest import Made, log_until, within_print
 
 PARKED = (345.0, 150.0, 10.0)
-LAYERS = 5
-
-
-@pytest.fixture(scope="module")
-def cut(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """A slab that two heads share: each of its contours is cut where that may be."""
-    path = tmp_path_factory.mktemp("slab") / "in.gcode"
-    text = slab_gcode(layers=LAYERS)
-    path.write_text(text.replace("M107\n", "G1 E-1.00000 F2400\nM107\n", 1))
-    source = read_made(path)
-    search = TeamSearch(0.5, cut=Cut.ALL)
-    problem = problem_of(source, Rules(), unheard)
-    result = Result(plan_team(problem, search, writes=False, agents=Agents()), search)
-    machine = result.document.machine
-    return Made(result.document, replace(source, machine=machine), path)
 
 
 def within(made: Made, share: float) -> PrintState:
