@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts.formats.gcode.writing.parts import contours_of
 from decmcts.planning.options import Cut, TeamSearch
 from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of
 from decmcts.planning.replanning.rest import LeftBeads
+from decmcts.planning.replanning.stretches import stretches_left
 from decmcts.print.contours import Contours
 from decmcts.print.print_state import PrintState, state_of_events, state_of_layers
 from tests.planning.replanning.conftest import Made, log_until, within_print
@@ -68,6 +70,25 @@ def test_what_follows_on_is_one_stretch(cut: Made, share: float) -> None:
     assert filament_mm(rest) == pytest.approx(
         sum(filament_between(source, c, each) for c, each in enumerate(left)), abs=2e-5 * len(rest)
     )
+
+
+def test_what_no_head_can_print_joined_stays_as_it_was_cut(cut: Made) -> None:
+    """Of several heads that live none may reach all of a contour, and each its pieces."""
+    every = np.ones(len(cut.document.contours), np.bool_)
+    job, reached = cut.source.job, 185.0
+
+    def able(contours: Contours) -> np.ndarray:
+        low = np.minimum.reduceat(contours.points[:, 0], contours.offsets[:-1])
+        return np.asarray(np.maximum.reduceat(contours.points[:, 0], contours.offsets[:-1]) - low
+                          <= reached)  # fmt: skip
+
+    found = contours_of(job.contours, stretches_left(cut.document, job, every, able))
+    whole = int(able(job.contours).sum())
+    assert 0 < whole < len(job.contours) < len(found)
+    assert able(found).sum() > whole
+    assert filament_mm(found) == pytest.approx(filament_mm(job.contours), abs=1e-9)
+    joined = stretches_left(cut.document, job, every, lambda c: np.ones(len(c), np.bool_))
+    assert all(one.whole for one in joined) and len(joined) == len(job.contours)
 
 
 def intervals(pieces: Contours, contour: int, left: np.ndarray) -> list[tuple[float, float]]:
