@@ -266,6 +266,16 @@ VerboseOption = Annotated[
         help="Show the paper's figures too, and how it was searched",
     ),
 ]
+WeldOption = Annotated[
+    float | None,
+    typer.Option(
+        "--weld-limit-s",
+        rich_help_panel=SEARCH,
+        metavar="S",
+        help="The most seconds between the printing of a cut's two ends (default: no limit; of a "
+        "rest, its plan's)",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print the summary as JSON")
 ]

@@ -98,15 +98,6 @@ CutOption = Annotated[
         "infill and inner walls, or outer walls too",
     ),
 ]
-WeldOption = Annotated[
-    float | None,
-    typer.Option(
-        "--weld-limit-s",
-        rich_help_panel=opt.SEARCH,
-        metavar="S",
-        help="The most seconds between the printing of a cut's two ends (default: no limit)",
-    ),
-]
 TeamObjectiveOption = Annotated[
     Objective,
     typer.Option(
@@ -138,7 +129,7 @@ def launch(
     seed: opt.SeedOption = 0,
     team: TeamOption = None,
     cut: CutOption = Cut.INSIDE,
-    weld_limit_s: WeldOption = None,
+    weld_limit_s: opt.WeldOption = None,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,

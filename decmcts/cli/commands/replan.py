@@ -21,11 +21,11 @@ from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import SliceOptions, is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
-from decmcts.planning.options import Cut, Limits, TeamSearch
+from decmcts.planning.options import Cut, Limits
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads
 from decmcts.planning.replanning.other_tools import other_tools, refuse_unfit
-from decmcts.planning.replanning.replan import Rest, rest_of, rules_of
+from decmcts.planning.replanning.replan import Rest, rest_of, rules_of, search_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result
@@ -109,6 +109,14 @@ LeftOption = Annotated[
         help="A bead that was broken off is finished from there, or left as it is",
     ),
 ]
+CutOption = Annotated[
+    Cut | None,
+    typer.Option(
+        "--cut",
+        rich_help_panel=opt.SEARCH,
+        help="What may be cut anew so that heads share it (default: what could be in the plan)",
+    ),
+]
 StemOption = Annotated[
     Path | None,
     typer.Option(
@@ -134,6 +142,8 @@ def replan(
     left_beads: LeftOption = LeftBeads.LEAVE,
     output: StemOption = None,
     plan_file: opt.PlanOption = None,
+    cut: CutOption = None,
+    weld_limit_s: opt.WeldOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     as_json: opt.JsonOption = False,
@@ -154,8 +164,7 @@ def replan(
     late = late_heads(slower or [], document.machine)
     other = other_tools(print_with or [], document.machine, document.contours)
     refuse_unfit(other, document.machine, list(places))
-    cut = Cut.NONE if document.rules is None else Cut(document.rules.cut)
-    search = TeamSearch(time_limit, seed, cut=cut)
+    search = search_of(document, time_limit, seed, cut=cut, weld_limit_s=weld_limit_s)
     with running(time_limit_s=time_limit, table=heads_table) as (show, stop):
         found = read(
             source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=show

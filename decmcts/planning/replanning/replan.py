@@ -48,7 +48,7 @@ from decmcts.print.brief import brief
 from decmcts.print.contours import Contours, taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Machine, Point
-from decmcts.print.plan import PlanDocument
+from decmcts.print.plan import OrderRules, PlanDocument
 from decmcts.print.print_state import PrintState
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
@@ -307,6 +307,21 @@ def rules_of(document: PlanDocument) -> Rules:
         ProcessOrder(made.process_order), made.quality, document.min_layer_time_s,
         made.max_layers_ahead, Freedom(made.freedom),
     )  # fmt: skip
+
+
+def search_of(
+    document: PlanDocument, time_limit_s: float, seed: int, *, cut: Cut | None = None,
+    weld_limit_s: float | None = None,
+) -> TeamSearch:  # fmt: skip
+    """Return a search for the rest of a plan, which may be cut as the plan was.
+
+    `cut` and `weld_limit_s` say another rule.
+    """
+    made = OrderRules() if document.rules is None else document.rules
+    limit_s = made.weld_limit_s if weld_limit_s is None else weld_limit_s
+    return TeamSearch(
+        time_limit_s, seed, cut=Cut(made.cut) if cut is None else cut, weld_limit_s=limit_s
+    )
 
 
 def replan(

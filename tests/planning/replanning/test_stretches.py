@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from decmcts.formats.gcode.writing.parts import contours_of
 from decmcts.planning.options import Cut, TeamSearch
-from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of
+from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of, search_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.replanning.stretches import stretches_left
 from decmcts.print.contours import Contours
@@ -125,6 +126,18 @@ def test_a_rest_is_cut_anew(cut: Made, agents: Any, share: float) -> None:
     end = left_of(again, state)
     some, _ = sources_left(again, state)
     assert some.sum() <= len(end.source.job.contours) < (~state.done).sum()
+
+
+def test_a_rest_may_be_cut_as_its_plan_was(made: Made, cut: Made) -> None:
+    """And welds be no older, unless another rule is named."""
+    assert search_of(made.document, 1.0, 0).cut is Cut.NONE
+    assert cut.document.rules is not None
+    aged = replace(cut.document, rules=replace(cut.document.rules, weld_limit_s=60.0))
+    search = search_of(aged, 2.0, 7)
+    assert search == TeamSearch(2.0, 7, cut=Cut.ALL, weld_limit_s=60.0)
+    other = search_of(aged, 2.0, 7, cut=Cut.INSIDE, weld_limit_s=9.0)
+    assert other == TeamSearch(2.0, 7, cut=Cut.INSIDE, weld_limit_s=9.0)
+    assert search_of(replace(aged, rules=None), 1.0, 0).cut is Cut.NONE
 
 
 @pytest.mark.slow
