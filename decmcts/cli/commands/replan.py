@@ -233,5 +233,6 @@ def _show(
         }  # fmt: skip
         print_json("decmcts-result/1", {**figures(result, paths), "replanned": state})
         return
-    stated = f"{whole} contours: {rest.done} printed or begun, {left} left out; the rest is for "
+    what = "contours" if document.contours.of is None else "pieces of contours"
+    stated = f"{whole} {what}: {rest.done} printed or begun, {left} left out; the rest is for "
     show_joint(result, f"{source.name}, {stated}{', '.join(live)}", paths)
