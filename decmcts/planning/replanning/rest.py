@@ -17,7 +17,7 @@ from decmcts.planning.replanning.stretches import source_rows
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import traversal
+from decmcts.print.loops import as_printed, traversal
 from decmcts.print.loops_kernels import Rotated
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, length_of, rest_of_line
@@ -210,11 +210,11 @@ def _begun(document: PlanDocument, state: PrintState, one: Broken) -> Contours:
     point, share = rest_of_line(path, head.point, head.at)
     at = path[point] + share * (path[point + 1] - path[point])
     points = np.concatenate([path[: point + 1], [at]])
-    run, own = traversal(document.contours, one.contour, int(actions.entry[k])), slice(1, point + 2)
-    step = -1 if actions.reversed[k] else 1
-    pushed = np.roll(run.extrusion, -1)[::-1] if step < 0 else run.extrusion
-    feed = np.roll(run.feed, -1)[::-1] if step < 0 else run.feed
-    extrusion, feed = np.append(0.0, pushed[own]), np.append(0.0, feed[own])
+    run = as_printed(
+        document.contours, one.contour, int(actions.entry[k]), reverse=bool(actions.reversed[k])
+    )
+    own = slice(1, point + 2)
+    extrusion, feed = np.append(0.0, run.extrusion[own]), np.append(0.0, run.feed[own])
     extrusion[-1] *= share
     whole = taken(document.contours, np.array([one.contour]))
     return replace(

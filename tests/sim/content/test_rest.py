@@ -14,8 +14,10 @@ from decmcts.formats.gcode.writing.parts import contours_of
 from decmcts.planning.replanning.stretches import stretches_left
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.plan import PlanDocument
+from sim.content.inventory import contour_segments
 from sim.content.rest import check_rest
 from sim.faults import FaultKind
+from tests.makers.printed import laid_twice
 from tests.makers.slab import slab_gcode
 from tests.planning.replanning.conftest import Made, made
 from tests.sim.content.test_pieces import cut_at
@@ -263,3 +265,14 @@ def test_what_is_left_out_is_not_missing(cut: Cut) -> None:
     assert not found.faults and not found.missing
     found = check_rest(rest, cut.printed, cut.document, {})
     assert not found.faults and "are neither printed nor left" in found.missing
+
+
+def test_what_was_printed_twice_is_counted(cut: Cut) -> None:
+    """Also where contours were cut elsewhere the second time."""
+    whole = cut.document.contours
+    assert laid_twice(joined(cut.rest, cut.printed), whole) == 0
+    stretch = taken(cut.rest, np.array([a_stretch(cut)]))
+    parts = len(stretch.points) - 1
+    assert laid_twice(joined(joined(cut.rest, cut.printed), stretch), whole) == parts
+    again = joined(cut.rest, taken(whole, np.arange(len(whole))))
+    assert laid_twice(again, whole) >= len(contour_segments(cut.rest).ends)
