@@ -14,7 +14,7 @@ import numpy as np
 from decmcts.print.contours import Contours, joined
 from decmcts.print.plan import PlanDocument
 from sim.arrays import Ints
-from sim.content.inventory import NO_MATCH, Segments, contour_segments
+from sim.content.inventory import NO_MATCH, Segments, contour_segments, places_of
 from sim.content.spans import Extruded, LiesOn, extruded_by, lies_on, reached_before
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
@@ -116,6 +116,9 @@ def _turned(looked: _Looked, whole: Contours) -> list[Fault]:
     of = looked.spans.of[: looked.rest]
     rows = np.flatnonzero((of != NO_MATCH) & looked.spans.turned[: looked.rest])
     rows = rows[~whole.reversible[looked.due.segments.place[of[rows]]]]
+    if len(rows):  # of two that lie in one place, one there and one back, it is not known which
+        place = places_of(looked.due.segments)
+        rows = rows[np.bincount(place)[place[of[rows]]] == 1]
     words = "runs reversed, but the print forbids that"
     return _each(FaultKind.WRONG_PATH, looked.ours, rows, words)
 

@@ -257,6 +257,25 @@ def test_a_spoilt_rest_of_a_cut_print_is_refused(cut: Cut, name: str) -> None:
     assert kind in checked(cut, spoil(cut))
 
 
+def test_one_way_of_a_bead_that_goes_there_and_back_is_left(made: Made) -> None:
+    """Nobody knows which of its two segments it is, so none is said to run the wrong way."""
+    whole = made.document.contours
+    there = np.array([[0.0, 0.0, 0.2], [10.0, 0.0, 0.2], [0.0, 0.0, 0.2]])
+    pushed, feed = np.array([0.0, 0.4, 0.4]), np.array([0.0, 20.0, 20.0])
+    one = replace(
+        taken(whole, np.array([0])), points=there, offsets=np.array([0, 3]), extrusion=pushed,
+        feed=feed, reversible=np.array([False]),
+    )  # fmt: skip
+    document = replace(made.document, contours=one)
+    halves = [
+        replace(one, points=there[k : k + 2], extrusion=pushed[:2], feed=feed[:2],
+                offsets=np.array([0, 2])) for k in (0, 1)
+    ]  # fmt: skip
+    for printed, rest in (halves, halves[::-1]):
+        assert not check_rest(rest, printed, document, {}, taken(one, np.empty(0, int))).faults
+    assert check_rest(halves[1], None, document, {}).missing
+
+
 def test_what_is_left_out_is_not_missing(cut: Cut) -> None:
     """And what is missing is told where nobody says what is left out."""
     gone = np.array([a_stretch(cut)])
