@@ -162,7 +162,7 @@ def rest_of(
         raise InputError(left.stated(document.contours) or "nothing is left to print")
     others = _with_others(document, source, rows, other)
     anew = _written(source, machine, stretches, other, report)
-    printed = printed_contours(document, state, broken)
+    printed = printed_contours(document, job, state, broken)
     pairs = tuple(other.items()) if others else ()
     alone = replace(
         anew.job, name=job.name, printed=printed, fenced=Fenced(whole, at) if at else None,

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.writing.parts import Stretch
-from decmcts.planning.replanning.stretches import source_rows
+from decmcts.formats.gcode.writing.parts import Stretch, contours_of
+from decmcts.planning.replanning.stretches import source_rows, stretches_left
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
 from decmcts.print.job import PrintJob
@@ -186,16 +186,17 @@ def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.b
 
 
 def printed_contours(
-    document: PlanDocument, state: PrintState, broken: Sequence[Broken]
+    document: PlanDocument, job: PrintJob, state: PrintState, broken: Sequence[Broken]
 ) -> Contours | None:
-    """Return what stands on the bed; of a bead that is finished but what is printed."""
+    """Return what stands on the bed, joined; of a bead that is finished but what is printed."""
     done, found = state.done.copy(), document.printed
     for one in broken:
         if one.rest:  # its printed part ends where the rest begins, no higher than that
             done[one.contour] = False
             found = joined(_begun(document, state, one), found)
     if done.any():
-        found = joined(taken(document.contours, np.flatnonzero(done)), found)
+        stretches = stretches_left(document, job, done, lambda c: np.ones(len(c), np.bool_))
+        found = joined(contours_of(job.contours, stretches), found)
     return found
 
 

@@ -54,6 +54,20 @@ def test_contours_of_which_nothing_is_printed_are_whole(made: Made, cut: Made) -
     assert np.abs(rest.extrusion - filament).max() < 1e-9
 
 
+def test_what_is_printed_is_whole_too(cut: Made) -> None:
+    """So travels and judge have no more to clear than is there; hops laid nothing."""
+    state = within(cut, 0.5)
+    printed = left_of(cut, state).source.job.printed
+    assert printed is not None
+    n = len(cut.source.job.contours)
+    done = np.bincount(cut.document.contours.sources[state.done], minlength=n) > 0
+    assert len(printed) < state.done.sum() / 3
+    assert done.sum() <= len(printed)
+    within_contours = np.ones(len(printed.points), np.bool_)
+    within_contours[printed.offsets[:-1]] = False
+    assert (printed.extrusion[within_contours] > 0.0).all()
+
+
 @pytest.mark.parametrize("share", [0.1, 0.35, 0.6, 0.9])
 def test_what_follows_on_is_one_stretch(cut: Made, share: float) -> None:
     """Of contours that are begun there are as many as there are printed parts between them."""
