@@ -185,6 +185,14 @@ LayerOption = Annotated[
 VerboseOption = Annotated[
     bool, output("-v --verbose", "Show the paper's figures too, and how it was searched")
 ]
+WeldOption = Annotated[
+    float | None,
+    search(
+        "--weld-limit-s S",
+        "The most seconds between the printing of a cut's two ends (default: no limit; of a "
+        "rest, its plan's)",
+    ),
+]
 JsonOption = Annotated[bool, output("--json", "Print the summary as JSON")]
 LayerHeight = Annotated[float, mesh("--layer-height MM", "Layer height, mm")]
 Nozzle = Annotated[float, mesh("--nozzle MM", "Nozzle diameter, mm")]

@@ -93,9 +93,12 @@ def verify(
     options: dict[str, Any] = {"seed": seed, "trials": trials, "plate": plate}
     options["without_tower"] = without_tower
     refuse_plate(plate, [*files, *([] if given is None else [given])])
-    of_rest = () if rest_of is None else judge_rest(made_from or files[0], given, Path(rest_of))
+    of_rest = None if rest_of is None else judge_rest(made_from or files[0], given, Path(rest_of))
     if len(files) > 1 or made_from is not None or is_whole_team(files[0], plate):
         verdict = judge_several(files, given, made_from, machine, held, **options)
     else:
         verdict = judge(files[0], given, machine, held, report=report, **options)
-    return replace(verdict, faults=(*verdict.faults, *of_rest))
+    if of_rest is None:
+        return verdict
+    warnings = (*verdict.warnings, *filter(None, [of_rest.missing]))
+    return replace(verdict, faults=(*verdict.faults, *of_rest.faults), warnings=warnings)

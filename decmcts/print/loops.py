@@ -108,6 +108,15 @@ def traversal(contours: Contours, contour: int, entry: int) -> Rotated:
     return Rotated(out.points[:end], out.extrusion[:end], out.feed[:end], out.rows[:end])
 
 
+def as_printed(contours: Contours, contour: int, entry: int, *, reverse: bool) -> Rotated:
+    """Return one contour the way a head runs it: values of a segment stand at its end there."""
+    run = traversal(contours, contour, entry)
+    if not reverse:
+        return run
+    last = np.append(0, np.arange(len(run.rows) - 1, 0, -1))  # a segment ended where it begins now
+    return Rotated(run.points[::-1], run.extrusion[last], run.feed[last], run.rows[last])
+
+
 def exits_of(
     contours: Contours, contour: NDArray[np.int32], vertex: NDArray[np.int32]
 ) -> NDArray[np.float64]:

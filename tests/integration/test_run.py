@@ -14,6 +14,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from agents.messages.event_stream import read_events
@@ -26,11 +27,12 @@ from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_events
 from tests.makers.printed import printed_twice
 from tests.planning.replanning.conftest import Made
+from tests.planning.replanning.conftest import cut as _cut
 from tests.planning.replanning.conftest import made as _made
 from tests.planning.replanning.test_other_tools import made_of
 from tests.planning.writing.test_own_tools import two_bars
 
-made = _made  # the fixture
+made, cut = _made, _cut  # the fixtures
 pytestmark = pytest.mark.slow
 SPEED = 30.0
 FAILS_S = 40.0  # of about 80: both heads print
@@ -87,10 +89,8 @@ def assert_printed(made: Made, result: RunResult) -> None:
     assert result.complete and result.contacts == 0, (result.left, result.reason)
     assert printed_twice(result.plans) == 0
     contours = made.document.contours
-    due = sum(
-        float(sum(((b - a) ** 2).sum() ** 0.5 for a, b in pairwise(line)))
-        for line in (contours.polyline(c) for c in range(len(contours)))
-    )
+    steps = np.linalg.norm(np.diff(contours.points, axis=0), axis=1)
+    due = float(steps[contours.extrusion[1:] > 0.0].sum())  # no hops of pieces
     assert result.printed_mm == pytest.approx(due, abs=0.2)
 
 
@@ -136,6 +136,16 @@ def test_the_rest_is_printed_by_the_others(made: Made, fault: str, head: str) ->
     assert_printed(made, result)
     if len(result.plans) > 1:
         assert failure.on_s >= failure.fenced_s >= failure.at_s
+
+
+@pytest.mark.long
+def test_the_rest_of_a_cut_plan_is_printed_by_the_others(cut: Made) -> None:
+    """All of each contour, whichever pieces of it were printed when an agent was killed."""
+    assert cut.document.contours.of is not None
+    at_s = 0.3 * cut.document.plan.makespan_s
+    result = Trial(FAULTS["agent killed"], at_s).run(cut, RunOptions(SPEED, replan_s=0.5))
+    assert len(result.plans) > 1, "it failed too late"
+    assert_printed(cut, result)
 
 
 def test_another_tool_prints_for_a_dead_heads(tmp_path: Path) -> None:

@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 
 from decmcts.planning.running.recorded import Carried
-from decmcts.print.plan import PlanDocument
-
-
-def segments(document: PlanDocument, contours: Iterable[int]) -> Counter[tuple[float, ...]]:
-    """Count the segments of beads, as files have them, whichever way they run."""
-    found: Counter[tuple[float, ...]] = Counter()
-    given = document.contours
-    for c in contours:
-        rows = slice(int(given.offsets[c]), int(given.offsets[c + 1]))
-        points, laid = np.round(given.points[rows], 3) + 0.0, given.extrusion[rows][1:] > 0.0
-        ends = np.concatenate([points[:-1], points[1:]], axis=1)[laid].tolist()
-        found.update(tuple(row) if row[:3] <= row[3:] else (*row[3:], *row[:3]) for row in ends)
-    return found
+from decmcts.print.contours import Contours, joined, taken
+from sim.content.inventory import NO_MATCH, contour_segments
+from sim.content.spans import extruded_by, lies_on, reached_before
 
 
 def printed_twice(plans: Sequence[Carried]) -> int:
-    """Return how many segments of the first plan's contours were printed more often than once."""
+    """Return how many segments of the first plan's contours were printed again, in part or whole.
+
+    Beads that were broken off do not count.
+    """
     prints = [carried for carried in plans if carried.is_print]
-    first = prints[0].document
-    due = segments(first, range(len(first.contours)))
-    done: Counter[tuple[float, ...]] = Counter()
-    for carried in prints:
-        done += segments(carried.document, [c for c, share in carried.printed() if share == 1.0])
-    return sum(n - due[key] for key, n in done.items() if key in due and n > due[key])
+    done = [
+        taken(each.document.contours, np.array(rows, np.int64))
+        for each in prints
+        if (rows := [c for c, share in each.printed() if share == 1.0])
+    ]
+    return laid_twice(reduce(joined, done), prints[0].document.contours) if done else 0
+
+
+def laid_twice(laid: Contours, whole: Contours) -> int:
+    """Return how many segments lie where others lie, beyond what a print, cut or not, has there."""
+    ours, due = contour_segments(laid), extruded_by(whole)
+    found = lies_on(ours.at(np.flatnonzero(ours.extrusion > 0.0)), due)
+    rows = np.flatnonzero(found.of != NO_MATCH)
+    of, low = found.of[rows], found.low[rows]
+    order, before = reached_before(of, low, found.high[rows])
+    return int((before - low[order] > due.tolerance[of[order]]).sum())

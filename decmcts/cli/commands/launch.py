@@ -98,13 +98,7 @@ def launch(
             "nothing, infill and inner walls, or outer walls too",
         ),
     ] = Cut.INSIDE,
-    weld_limit_s: Annotated[
-        float | None,
-        opt.search(
-            "--weld-limit-s S",
-            "The most seconds between the printing of a cut's two ends (default: no limit)",
-        ),
-    ] = None,
+    weld_limit_s: opt.WeldOption = None,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,

@@ -21,11 +21,11 @@ from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import SliceOptions, is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
-from decmcts.planning.options import Cut, Limits, TeamSearch
+from decmcts.planning.options import Cut, Limits
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads
 from decmcts.planning.replanning.other_tools import other_tools, refuse_unfit
-from decmcts.planning.replanning.replan import Rest, rest_of, rules_of
+from decmcts.planning.replanning.replan import Rest, rest_of, rules_of, search_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result
@@ -51,6 +51,13 @@ LeftOption = Annotated[
     LeftBeads,
     opt.search(
         "--left-beads", "A bead that was broken off is finished from there, or left as it is"
+    ),
+]
+CutOption = Annotated[
+    Cut | None,
+    opt.search(
+        "--cut",
+        "What may be cut anew so that heads share it (default: what could be in the plan)",
     ),
 ]
 
@@ -92,6 +99,8 @@ def replan(
         opt.basics("-o --output STEM", "Stem of the G-code files of the rest, one a head"),
     ] = None,
     plan_file: opt.PlanOption = None,
+    cut: CutOption = None,
+    weld_limit_s: opt.WeldOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     as_json: opt.JsonOption = False,
@@ -112,8 +121,7 @@ def replan(
     late = late_heads(slower or [], document.machine)
     other = other_tools(print_with or [], document.machine, document.contours)
     refuse_unfit(other, document.machine, list(places))
-    cut = Cut.NONE if document.rules is None else Cut(document.rules.cut)
-    search = TeamSearch(time_limit, seed, cut=cut)
+    search = search_of(document, time_limit, seed, cut=cut, weld_limit_s=weld_limit_s)
     with running(time_limit_s=time_limit, table=heads_table) as (show, stop):
         found = read(
             source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=show
@@ -182,5 +190,6 @@ def _show(
         }  # fmt: skip
         print_json("decmcts-result/1", {**figures(result, paths), "replanned": state})
         return
-    stated = f"{whole} contours: {rest.done} printed or begun, {left} left out; the rest is for "
+    what = "contours" if document.contours.of is None else "pieces of contours"
+    stated = f"{whole} {what}: {rest.done} printed or begun, {left} left out; the rest is for "
     show_joint(result, f"{source.name}, {stated}{', '.join(live)}", paths)

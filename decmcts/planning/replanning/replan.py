@@ -6,7 +6,7 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -40,15 +40,15 @@ from decmcts.planning.replanning.rest import (
     left_out,
     printed_contours,
     refuse_other,
-    source_rows,
-    stretches_of,
 )
+from decmcts.planning.replanning.stretches import Able, stretches_left
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import Launch, plan_team
 from decmcts.print.brief import brief
+from decmcts.print.contours import Contours, taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Machine, Point
-from decmcts.print.plan import PlanDocument
+from decmcts.print.plan import OrderRules, PlanDocument
 from decmcts.print.print_state import PrintState
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
@@ -58,6 +58,7 @@ from sim.content.rest import check_rest
 from sim.faults import Verdict
 
 ROUNDED_MM, ROUNDED_E_MM = 1.5e-3, 1e-4  # of what is written and read back
+AT_PARK_MM = 0.01
 HOMES = (
     "the start code is run once more: see that it neither homes over what is printed nor drives "
     "into it"
@@ -75,6 +76,7 @@ class Rest:
     missing: str = ""  # what no living head can finish, in words
     print_with: tuple[tuple[int, int], ...] = ()  # tools, and those that print for them
     others: tuple[str, ...] = ()  # what is printed with another tool, in words
+    away: tuple[str, ...] = ()  # heads that live and were last seen elsewhere than at their parks
 
     __repr__ = brief("source", "done", "broken", "missing")
 
@@ -85,7 +87,12 @@ class Rest:
             f"{_broke(one)}: its last {one.missing_mm:.1f} mm are printed"
             for one in self.broken if self._is_finished(one)
         ]  # fmt: skip
-        return [*self.others, *self.unfinished, *finished]
+        away = [
+            f"head {name} was last seen away from its park: take it there before any file is run, "
+            "for each goes there while the others stand where they are"
+            for name in self.away
+        ]
+        return [*self.others, *self.unfinished, *finished, *away]
 
     @property
     def unfinished(self) -> list[str]:
@@ -148,33 +155,44 @@ def rest_of(
     whole = slowed(whole, slower or {})
     machine = living_machine(whole, at, document.contours)
     other = needed(print_with or {}, machine, document.contours)
-    left = left_out(document, left_open, _able(document, job, machine, other))
+    left = left_out(document, left_open, _able(job, machine, other, document.contours))
     rows = left_open & ~left.rows
-    stretches = _to_print(document, job, rows, broken)
+    stretches = _to_print(document, job, rows, broken, partial(_able, job, machine, other))
     if not stretches:
         raise InputError(left.stated(document.contours) or "nothing is left to print")
     others = _with_others(document, source, rows, other)
     anew = _written(source, machine, stretches, other, report)
-    printed = printed_contours(document, state, broken)
+    printed = printed_contours(document, job, state, broken)
     pairs = tuple(other.items()) if others else ()
     alone = replace(
         anew.job, name=job.name, printed=printed, fenced=Fenced(whole, at) if at else None,
         print_with=pairs,
     )  # fmt: skip
-    require_passed(Verdict(tuple(check_rest(alone.contours, printed, document, dict(pairs)))))
+    gone = taken(document.contours, np.flatnonzero(left.rows))
+    require_passed(Verdict(check_rest(alone.contours, printed, document, dict(pairs), gone).faults))
     done, missing = int(state.done.sum()), left.stated(document.contours)
-    return Rest(replace(anew, job=alone), left, tuple(broken), done, missing, pairs, tuple(others))
+    anew, away = replace(anew, job=alone), tuple(_away(state, machine))
+    return Rest(anew, left, tuple(broken), done, missing, pairs, tuple(others), away)
+
+
+def _away(state: PrintState, machine: Machine) -> Iterator[str]:
+    """Yield the heads of a machine that were last seen elsewhere than at their parks."""
+    parks = {head.name: head.park for head in machine.heads}
+    for head in state.heads:
+        if head.head in parks and head.at is not None:
+            apart = np.subtract(head.at, parks[head.head])
+            if float(np.linalg.norm(apart)) > AT_PARK_MM:
+                yield head.head
 
 
 def _able(
-    document: PlanDocument, job: PrintJob, machine: Machine, other: Mapping[int, int]
+    job: PrintJob, machine: Machine, other: Mapping[int, int], contours: Contours
 ) -> NDArray[np.bool_]:
-    """Tell which contours of a plan some head of a machine can print, (n,).
+    """Tell which contours some head of a machine can print, (n,).
 
     `other` has the tools that are printed with others.
     """
-    contours = printed_with(document.contours, other)
-    whole = replace(job, contours=contours, acceleration=None)
+    whole = replace(job, contours=printed_with(contours, other), acceleration=None)
     return np.asarray(able_heads(whole, machine).any(axis=1))
 
 
@@ -195,14 +213,16 @@ def _with_others(
 
 
 def _to_print(
-    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], broken: Sequence[Broken]
-) -> list[Stretch]:
+    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], broken: Sequence[Broken],
+    able: Able,
+) -> list[Stretch]:  # fmt: skip
     """Return the stretches of these contours in the order of the source, (n,) `rows`."""
-    begun = {one.contour: one.rest for one in broken if one.rest}
-    found, row_of = list[Stretch](), source_rows(document, job)
-    for c in np.flatnonzero(rows).tolist():
-        found += begun[c] if c in begun else stretches_of(document, job, c, row_of)
-    return sorted(found, key=lambda one: one.of)
+    begun, whole = {one.contour: one.rest for one in broken if one.rest}, rows.copy()
+    whole[list(begun)] = False
+    found = stretches_left(document, job, whole, able)
+    for contour, rest in begun.items():
+        found += rest if rows[contour] else ()
+    return sorted(found, key=lambda one: (one.of, int(one.row[0])))
 
 
 def _written(
@@ -287,6 +307,21 @@ def rules_of(document: PlanDocument) -> Rules:
         ProcessOrder(made.process_order), made.quality, document.min_layer_time_s,
         made.max_layers_ahead, Freedom(made.freedom),
     )  # fmt: skip
+
+
+def search_of(
+    document: PlanDocument, time_limit_s: float, seed: int, *, cut: Cut | None = None,
+    weld_limit_s: float | None = None,
+) -> TeamSearch:  # fmt: skip
+    """Return a search for the rest of a plan, which may be cut as the plan was.
+
+    `cut` and `weld_limit_s` say another rule.
+    """
+    made = OrderRules() if document.rules is None else document.rules
+    limit_s = made.weld_limit_s if weld_limit_s is None else weld_limit_s
+    return TeamSearch(
+        time_limit_s, seed, cut=Cut(made.cut) if cut is None else cut, weld_limit_s=limit_s
+    )
 
 
 def replan(

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.writing.parts import Stretch
+from decmcts.formats.gcode.writing.parts import Stretch, contours_of
+from decmcts.planning.replanning.stretches import source_rows, stretches_left
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import traversal
+from decmcts.print.loops import as_printed, traversal
 from decmcts.print.loops_kernels import Rotated
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, length_of, rest_of_line
@@ -67,31 +68,6 @@ def refuse_other(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> 
             advice="name the file that was planned, unchanged; plans of prints that were made safe "
             "or whose tower was left out cannot be replanned yet",
         )
-
-
-def source_rows(document: PlanDocument, job: PrintJob) -> NDArray[np.int64]:
-    """Return the point of the source whose segment each point of the plan is a part of."""
-    pieces = document.contours
-    if pieces.along is None:
-        return np.arange(len(pieces.points))
-    of = np.repeat(pieces.sources, np.diff(pieces.offsets))
-    return np.asarray(job.contours.offsets[of] + np.ceil(pieces.along).astype(np.int64))
-
-
-def stretches_of(
-    document: PlanDocument, job: PrintJob, contour: int, rows: NDArray[np.int64]
-) -> list[Stretch]:
-    """Return a contour of a plan as stretches; a piece is parted where it hops.
-
-    `rows` are those of `source_rows`.
-    """
-    plan, of = document.contours, int(document.contours.sources[contour])
-    points = slice(int(plan.offsets[contour]), int(plan.offsets[contour + 1]))
-    begin, end = job.contours.offsets[of : of + 2].tolist()
-    row = rows[points]
-    whole = len(row) == end - begin and int(row[0]) == begin
-    one = Stretch(of, plan.points[points], plan.extrusion[points], plan.feed[points], row, whole)
-    return _parted(one, hops=plan.of is not None)
 
 
 def _parted(one: Stretch, *, hops: bool) -> list[Stretch]:
@@ -179,11 +155,11 @@ class LeftOut:
         layers = contours.layer[self.rows] + 1
         first, last = int(layers.min()), int(layers.max())
         where = f"layer {first}" if first == last else f"layers {first} to {last}"
-        behind = int(self.rows.sum() - self.apart.sum())
-        which = f", and {behind} that come after those" if behind else ""
+        count, apart = (len(np.unique(contours.sources[r])) for r in (self.rows, self.apart))
+        which = f", and {count - apart} that come after those" if count > apart else ""
         return (
-            f"{int(self.rows.sum())} contours are not finished ({where}): "
-            f"{int(self.apart.sum())} that no living head reaches, or has the tool for{which}"
+            f"{count} contours are not finished ({where}): "
+            f"{apart} that no living head reaches, or has the tool for{which}"
         )
 
 
@@ -210,16 +186,17 @@ def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.b
 
 
 def printed_contours(
-    document: PlanDocument, state: PrintState, broken: Sequence[Broken]
+    document: PlanDocument, job: PrintJob, state: PrintState, broken: Sequence[Broken]
 ) -> Contours | None:
-    """Return what stands on the bed; of a bead that is finished but what is printed."""
+    """Return what stands on the bed, joined; of a bead that is finished but what is printed."""
     done, found = state.done.copy(), document.printed
     for one in broken:
         if one.rest:  # its printed part ends where the rest begins, no higher than that
             done[one.contour] = False
             found = joined(_begun(document, state, one), found)
     if done.any():
-        found = joined(taken(document.contours, np.flatnonzero(done)), found)
+        stretches = stretches_left(document, job, done, lambda c: np.ones(len(c), np.bool_))
+        found = joined(contours_of(job.contours, stretches), found)
     return found
 
 
@@ -228,13 +205,19 @@ def _begun(document: PlanDocument, state: PrintState, one: Broken) -> Contours:
     h, k = next(
         (h, k) for h, k in state.broken if document.plan.heads[h].contour[k] == one.contour
     )  # fmt: skip
-    head, path = state.heads[h], document.plan.heads[h].action_path(k)
+    head, actions = state.heads[h], document.plan.heads[h]
     assert head.at is not None  # it is finished, so it is known
+    path = actions.action_path(k)
     point, share = rest_of_line(path, head.point, head.at)
     at = path[point] + share * (path[point + 1] - path[point])
     points = np.concatenate([path[: point + 1], [at]])
+    run = as_printed(
+        document.contours, one.contour, int(actions.entry[k]), reverse=bool(actions.reversed[k])
+    )
+    own = slice(1, point + 2)
+    extrusion, feed = np.append(0.0, run.extrusion[own]), np.append(0.0, run.feed[own])
+    extrusion[-1] *= share
     whole = taken(document.contours, np.array([one.contour]))
-    zeros = np.zeros(len(points))
     return replace(
-        whole, points=points, offsets=np.array([0, len(points)]), extrusion=zeros, feed=zeros + 1.0
+        whole, points=points, offsets=np.array([0, len(points)]), extrusion=extrusion, feed=feed
     )  # fmt: skip

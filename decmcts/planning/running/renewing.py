@@ -18,9 +18,8 @@ from dataclasses import dataclass, field
 from agents.running.carrier import committed
 from decmcts.errors import InputError, VerificationError
 from decmcts.planning.events import Note
-from decmcts.planning.options import Cut, TeamSearch
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.replan import replan, rest_of, rules_of
+from decmcts.planning.replanning.replan import replan, rest_of, rules_of, search_of
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.recorded import Carried
@@ -91,8 +90,7 @@ def renew(begin: Begin, options: RunOptions, hand_over: Callable[[News], None]) 
             if parking is not None:
                 hand_over(Parking(begin, parking))
                 parked = True
-            cut = Cut.NONE if begin.document.rules is None else Cut(begin.document.rules.cut)
-            search = TeamSearch(options.replan_s, options.seed, cut=cut)
+            search = search_of(begin.document, options.replan_s, options.seed)
             result = replan(rest, search, rules_of(begin.document), writes=False)
             left_out, lines = int(rest.left.rows.sum()), tuple(rest.unfinished)
             hand_over(Renewed(begin, result.document, rest.source, left_out, lines, rest.others))

@@ -26,9 +26,9 @@ from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from sim.content.pieces import epochs_of_source
-from sim.content.rest import check_rest
+from sim.content.rest import RestCheck, check_rest
 from sim.content.same_print import is_other_print
-from sim.faults import Fault, Verdict
+from sim.faults import Verdict
 from sim.files.written import check_line_numbers, verify_same, verify_written
 from sim.heads.changes import as_planned
 from sim.heads.file import header_of
@@ -156,10 +156,10 @@ def judge_plan(
     return replace(verdict, faults=(*verdict.faults, *less))
 
 
-def judge_rest(plan: Path, source: Path | None, whole: Path) -> tuple[Fault, ...]:
-    """Return what the source of a rest has that is not left of the plan that was broken off.
+def judge_rest(plan: Path, source: Path | None, whole: Path) -> RestCheck:
+    """Check the source of a rest against the plan that was broken off.
 
-    Tools print for others where the plan of the rest says so.
+    Tools print for others where the plan of the rest says so. What is left out no plan says.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def judge_rest(plan: Path, source: Path | None, whole: Path) -> tuple[Fault, ...
         raise InputError("the source of the rest is missing", advice="add --source rest.gcode")
     rest, (job, _) = read_plan(plan), read_gcode(source)
     printed_with = dict(rest.print_with)
-    return tuple(check_rest(job.contours, rest.printed, read_plan(whole), printed_with))
+    return check_rest(job.contours, rest.printed, read_plan(whole), printed_with)
 
 
 def is_whole_team(path: Path, plate: int | None = None) -> bool:

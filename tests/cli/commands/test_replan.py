@@ -10,7 +10,13 @@ import pytest
 from agents.messages.event_stream import stream_of
 from decmcts.cli.run import run
 from decmcts.formats.plans.plan_json import read_plan, write_plan
-from tests.planning.replanning.conftest import Made, log_until, made, within_print  # noqa: F401
+from tests.planning.replanning.conftest import (
+    Made,
+    cut,  # noqa: F401
+    log_until,
+    made,  # noqa: F401
+    within_print,
+)
 
 
 @pytest.fixture
@@ -95,3 +101,20 @@ def test_bad_input_gets_one_line(
     said = capsys.readouterr().err.strip().splitlines()
     assert what in said[-1] and len(said) == 1
     assert not list(tmp_path.glob("rest*"))
+
+
+@pytest.mark.slow
+def test_a_rest_is_cut_as_asked(cut: Made, tmp_path: Path) -> None:  # noqa: F811
+    """As the plan was, or not at all; the judge holds it against that plan."""
+    plan, rest, stem = (tmp_path / name for name in ("plan.json", "rest.json", "rest"))
+    write_plan(cut.document, plan)
+    line = ["replan", str(plan), "--source", str(cut.path), "--layer", "2", "--time-limit", "0.2"]
+    assert run([*line, "--cut", "none", "--plan", str(rest)]) == 0
+    uncut = read_plan(rest)
+    assert uncut.contours.of is None and uncut.rules is not None and uncut.rules.cut == "none"
+    assert run([*line, "--plan", str(rest), "-o", str(stem)]) == 0
+    again = read_plan(rest)
+    assert again.contours.of is not None and again.rules is not None and again.rules.cut == "all"
+    files = [str(tmp_path / f"rest_{head}.gcode") for head in ("left", "right")]
+    judged = ["verify", *files, "--plan", str(rest), "--source", str(tmp_path / "rest.gcode")]
+    assert run([*judged, "--rest-of", str(plan)]) == 0

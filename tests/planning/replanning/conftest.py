@@ -13,10 +13,12 @@ from agents.launching.status import LaunchError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
-from decmcts.planning.options import Limits, Rules
+from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import problem_of
 from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.result import Result
+from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.machine import Fenced, Machine, Point
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
@@ -25,6 +27,8 @@ from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.made_print import made_gcode
 from sim.faults import Fault
 from sim.replay.fenced import check_fenced
+from tests.makers.agents import Agents
+from tests.makers.slab import slab_gcode
 
 
 class Made(NamedTuple):
@@ -57,6 +61,20 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     ]
     plan = schedule(problem.job, problem.machine, problem.graph, paths)
     return Made(document_of(problem, plan, {}), replace(source, machine=problem.machine), path)
+
+
+@pytest.fixture(scope="session")
+def cut(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """A slab that two heads share: each of its contours is cut where that may be."""
+    path = tmp_path_factory.mktemp("slab") / "in.gcode"
+    text = slab_gcode(layers=5)
+    path.write_text(text.replace("M107\n", "G1 E-1.00000 F2400\nM107\n", 1))
+    source = read_made(path)
+    search = TeamSearch(0.5, cut=Cut.ALL)
+    problem = problem_of(source, Rules(), unheard)
+    result = Result(plan_team(problem, search, writes=False, agents=Agents()), search)
+    machine = result.document.machine
+    return Made(result.document, replace(source, machine=machine), path)
 
 
 def log_until(document: PlanDocument, time_s: float, *, failed: int | None = None) -> EventLog:

@@ -219,6 +219,18 @@ def test_a_rest_is_replanned_again(made: Made, alone: Any, agents: Any, tmp_path
     assert not left & printed and left | printed | missing == laid(contours)
 
 
+def test_heads_that_stand_over_the_print_are_told(made: Made) -> None:
+    """Their files take them to their parks one by one, past where the others stand."""
+    state = state_of_events(made.document, log_until(made.document, 30.0))
+    rest = rest_of(made.document, made.source, state, {})
+    assert [line.partition(":")[0] for line in rest.lines[-2:]] == [
+        "head left was last seen away from its park", "head right was last seen away from its park"
+    ]  # fmt: skip
+    rest = rest_of(made.document, made.source, state, {"right": PARKED})
+    assert rest.away == ("left",)
+    assert not rest_of(made.document, made.source, state_of_layers(made.document, 2), {}).away
+
+
 def test_what_is_left_has_no_first_layer(made: Made) -> None:
     """It lies on what is printed: nothing keeps its lowest layer together before all others."""
     rest = rest_of(made.document, made.source, state_of_layers(made.document, 2), {})
