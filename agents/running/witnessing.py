@@ -68,6 +68,7 @@ class WitnessProcess:
 
     def end(self) -> None:
         """End it if it runs: at once, as nobody waits for what it would say."""
+        self.is_asked = False
         process, self._process = self._process, None
         if process is not None:
             process.kill()

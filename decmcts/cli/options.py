@@ -163,10 +163,12 @@ MakeSafeOption = Annotated[
         "it such a file is refused",
     ),
 ]
-TimeOption = Annotated[
-    float, basics("--time-limit S", "Search time, seconds", min=0.0, max=30 * _DAY_S)
-]
+MOST_S = 30 * _DAY_S
+TimeOption = Annotated[float, basics("--time-limit S", "Search time, seconds", min=0.0, max=MOST_S)]
 SeedOption = Annotated[int, search("--seed N", "Equal seeds give equal searches", min=0)]
+TimingSeedOption = Annotated[
+    int, search("--seed N", "Equal seeds give equal errors of time", min=0)
+]
 GcodeOption = Annotated[
     Path | None,
     basics("-o --output FILE", "Write the G-code (of a .sop, the tour); -: to standard output"),
@@ -191,6 +193,8 @@ WeldOption = Annotated[
         "--weld-limit-s S",
         "The most seconds between the printing of a cut's two ends (default: no limit; of a "
         "rest, its plan's)",
+        min=0.0,
+        max=MOST_S,
     ),
 ]
 JsonOption = Annotated[bool, output("--json", "Print the summary as JSON")]
@@ -261,3 +265,12 @@ def rules_of(
         avoid_walls,
         without_tower,
     )
+
+
+def refuse_layer_alone(picture_layer: int | None, picture: Path | None) -> None:
+    """Raise InputError for the layer of a picture where none is drawn."""
+    if picture_layer is not None and picture is None:
+        raise InputError(
+            f"--picture-layer {picture_layer} is of a picture, and none is drawn",
+            advice="add --picture FILE, or leave --picture-layer out",
+        )

@@ -31,6 +31,12 @@ from tests.formats.gcode.dialects.test_layers import PRUSA, towers
         (["plan", "x", "--seed", "-1"], "--seed"),
         (["plan", "x", "--planner", "tabu"], "tabu"),
         (["plan", "a.gcode", "--min-layer-time", "inf"], "--min-layer-time"),
+        (["plan", "a.gcode", "--picture-layer", "3"], "add --picture"),
+        (["launch", "a.gcode", "--picture-layer", "3"], "add --picture"),
+        (["launch", "a.gcode", "--weld-limit-s", "-1"], "'--weld-limit-s'"),
+        (["launch", "a.gcode", "--weld-limit-s", "nan"], "'--weld-limit-s'"),
+        (["launch", "a.gcode", "--weld-limit-s", "inf"], "'--weld-limit-s'"),
+        (["launch", "a.gcode", "--weld-limit-s", "9", "--cut", "none"], "--weld-limit-s 9"),
     ],
 )
 def test_a_wrong_command_line_is_one_line(arguments, word, capsys):
@@ -40,6 +46,14 @@ def test_a_wrong_command_line_is_one_line(arguments, word, capsys):
     assert len(said.err.splitlines()) == 1
     assert word in said.err
     assert said.out == ""
+
+
+@pytest.mark.parametrize("command", ["verify", "simulate", "run"])
+def test_a_seed_says_what_it_is_of(command, capsys):
+    """What replays and simulates does not search: its seed draws errors of time."""
+    assert run([command, "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "Equal seeds give equal errors" in said
 
 
 def test_no_arguments_show_help(capsys):

@@ -121,6 +121,12 @@ def launch(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead,
         without_tower=without_tower,
     )  # fmt: skip
+    if weld_limit_s is not None and cut is Cut.NONE:
+        raise InputError(
+            f"--weld-limit-s {weld_limit_s:g} is of cuts, and --cut none makes none",
+            advice="leave one of them out",
+        )
+    opt.refuse_layer_alone(picture_layer, picture)
     stem = None if output is None else stem_of(output)
     heads = [] if stem is None else head_files(stem, load_machine(machine))
     outputs = [*heads, plan_file, report, picture, record]

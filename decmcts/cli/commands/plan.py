@@ -121,6 +121,7 @@ def plan(
     rules = opt.rules_of(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead, avoid_walls,
     )  # fmt: skip
+    opt.refuse_layer_alone(picture_layer, picture)
     only_shown = not (as_json or output or plan_file or report or picture or sliced)
     slicing = slicing_of(
         context,

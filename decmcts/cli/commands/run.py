@@ -59,7 +59,10 @@ def run(
     ] = 1.0,
     timing: TimingOption = Timing.NONE,
     error: ErrorOption = 0.2,
-    seed: opt.SeedOption = 0,
+    seed: Annotated[
+        int,
+        opt.search("--seed N", "Equal seeds give equal errors, losses and searches", min=0),
+    ] = 0,
     queue: QueueOption = QUEUE,
     loss: Annotated[float, opt.search("--loss SHARE", "Of the agents' messages, lost: 0.2")] = 0.0,
     delay: Annotated[

@@ -66,7 +66,7 @@ def simulate(
     trials: Annotated[
         int, opt.search("--trials N", "How often errors are drawn", min=1, max=100_000)
     ] = 10,
-    seed: opt.SeedOption = 0,
+    seed: opt.TimingSeedOption = 0,
     queue: QueueOption = QUEUE,
     events: Annotated[
         Path | None,

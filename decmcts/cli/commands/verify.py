@@ -43,7 +43,7 @@ def verify(
     max_layers_ahead: opt.HeldLeadOption = None,
     freedom: opt.HeldFreedomOption = None,
     without_tower: opt.TowerOption = False,
-    seed: opt.SeedOption = 0,
+    seed: opt.TimingSeedOption = 0,
     trials: Annotated[
         int, opt.search("--trials N", "Random timing trials of a joint plan", min=1)
     ] = 3,

@@ -43,7 +43,7 @@ class Failing:
     team: Team
     renewal: Renewal
     _settled_at: float = -math.inf  # when a head was last found to have lost its bus
-    _spoke: int = 0  # times a witness heard all of those that do not hear one another
+    _undecided: int = 0  # times a witness heard all that do not hear one another, or none of them
 
     def find(self) -> None:
         """Take in which processes are gone, of heads that work and of those that park."""
@@ -81,11 +81,14 @@ class Failing:
         if now < self._settled_at + SETTLES_S:
             return
         count = dict.fromkeys(self.team.listening(), 0)
-        for h in count:
-            for other in heads[h].missing:
-                if other in count and now - heads[other].pulse_at < SILENT_S / 2.0:
-                    count[h], count[other] = count[h] + 1, count[other] + 1
-        most = max(count.values(), default=0)
+        missed = [(h, other) for h in count for other in heads[h].missing if other in count]
+        if not missed:
+            self._forget()
+            return
+        for h, other in missed:
+            if now - heads[other].pulse_at < SILENT_S / 2.0:
+                count[h], count[other] = count[h] + 1, count[other] + 1
+        most = max(count.values())
         worst = self._deaf([h for h in count if count[h] == most]) if most else None
         if worst is None:
             return
@@ -99,22 +102,30 @@ class Failing:
     def _deaf(self, suspected: list[int]) -> int | None:
         """Return which of these heads has lost its bus; None: that is not known yet, or none has.
 
-        Two heads that do not hear one another are equally suspected. So a witness listens.
+        Two heads that do not hear one another are equally suspected. So a witness listens. One
+        that hears none of them may be broken itself.
         """
         witness = self.team.witness
         if len(suspected) == 1 or witness is None:
+            self._forget()
             return suspected[-1]
         if not witness.is_asked:
             witness.ask()
         if witness.is_listening:
             return None
         silent = [h for h in suspected if h not in witness.heard]
-        self._spoke = 0 if silent else self._spoke + 1
+        self._undecided += 1
         witness.is_asked = False
-        if silent or self._spoke > PATIENCE:
-            self._spoke = 0
+        if 0 < len(silent) < len(suspected) or self._undecided > PATIENCE:
+            self._undecided = 0
             return (silent or suspected)[-1]
         return None
+
+    def _forget(self) -> None:
+        """Let nothing that a witness heard so far count for heads that lose one another later."""
+        self._undecided = 0
+        if self.team.witness is not None:
+            self.team.witness.end()
 
     def fail(self, h: int, why: str) -> None:
         """Note that a head prints no more; it may still move."""

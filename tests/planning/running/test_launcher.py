@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agents.launching.processes import AgentLine
 from agents.running.heads import Recorded
-from agents.running.port import Ready
+from agents.running.port import SILENT_S, Ready
 from decmcts.planning.events import Event, Note
 from decmcts.planning.running import failing, renewing
 from decmcts.planning.running.launcher import Launcher
@@ -130,6 +130,9 @@ class Heard:
     def ask(self) -> None:
         self.asked, self.is_asked = self.asked + 1, True
 
+    def end(self) -> None:
+        self.is_asked = False
+
 
 def miss_each_other(desk: Desk) -> None:
     """Have both heads say that they do not hear the other, whose process lives."""
@@ -148,9 +151,15 @@ def test_of_two_heads_the_one_stops_that_a_witness_does_not_hear(desk: Desk, dea
     assert ["abort" in commands for commands in told] == [deaf == LEFT, deaf == RIGHT]
 
 
-def test_heads_that_a_witness_hears_may_find_to_one_another(desk: Desk) -> None:
-    """It is asked again; after some times one of them is stopped, so that the run goes on."""
-    witness = Heard(LEFT, RIGHT)
+@pytest.mark.parametrize("heard", [(LEFT, RIGHT), ()])
+def test_a_witness_that_tells_nothing_apart_is_asked_again(
+    desk: Desk, heard: tuple[int, ...]
+) -> None:
+    """Heads it hears may find to one another; one that hears none may have failed itself.
+
+    After some times one of them is stopped, so that the run goes on.
+    """
+    witness = Heard(*heard)
     desk.team.witness = witness  # type: ignore[assignment]
     for k in range(failing.PATIENCE + 1):
         miss_each_other(desk)
@@ -158,6 +167,39 @@ def test_heads_that_a_witness_hears_may_find_to_one_another(desk: Desk) -> None:
         desk.launcher.step()
         assert witness.asked == k + 1
     assert any(one["command"] == "abort" for one in desk.team.processes[RIGHT].told)
+
+
+def test_what_a_witness_heard_before_heads_found_to_one_another_is_forgotten(desk: Desk) -> None:
+    """It had counted when they lost one another once more: the head that still spoke stopped."""
+    witness = Heard(LEFT)
+    witness.is_listening = True
+    desk.team.witness = witness  # type: ignore[assignment]
+    miss_each_other(desk)
+    desk.launcher.step()
+    assert witness.is_asked
+    for head in desk.team.heads:
+        head.missing = ()
+    desk.launcher.step()
+    assert not witness.is_asked
+    witness.is_listening, witness.heard = False, (RIGHT,)  # what it hears when it is asked anew
+    miss_each_other(desk)
+    desk.launcher.step()
+    assert witness.asked == 2
+    told = [[one["command"] for one in each.told] for each in desk.team.processes]
+    assert ["abort" in commands for commands in told] == [True, False]
+
+
+def test_a_late_pulse_does_not_have_a_witness_begin_again(desk: Desk) -> None:
+    """On a busy machine none would ever come to an end."""
+    witness = Heard(LEFT)
+    witness.is_listening = True
+    desk.team.witness = witness  # type: ignore[assignment]
+    miss_each_other(desk)
+    desk.launcher.step()
+    for head in desk.team.heads:
+        head.pulse_at -= SILENT_S
+    desk.launcher.step()
+    assert witness.is_asked and witness.asked == 1
 
 
 def test_a_head_that_loses_the_bus_on_its_way_to_its_park_is_lost(desk: Desk) -> None:
