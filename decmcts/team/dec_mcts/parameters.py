@@ -18,7 +18,9 @@ from decmcts.formats.files.reading import read_toml
 from decmcts.team.dec_mcts.polish import FEW
 from decmcts.team.engine.plans import POLICIES
 
-SMALL_SHARE = 0.05  # of an order that is annealed as a whole, which gains more than its trees
+# Of a round, for trees, where they gain less than windows: of an order that is annealed as a
+# whole, and of one that begins ahead of all policies.
+SMALL_SHARE = 0.05
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.distribution import Candidates, PlanDistribution
 from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
-from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.dec_mcts.parameters import SMALL_SHARE, Parameters
 from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.dec_mcts.polish import FEW, Polish
 from decmcts.team.dec_mcts.rearrange import rearranges
@@ -95,6 +95,7 @@ class DecMcts:
         self._trials: dict[TeamHeads, PolicyTrials] = {}
         self._polishing: _Polishing | None = None
         self._polishings = self._alone = 0  # joint orders polished, rounds without another head
+        self._refined = 0  # rounds in which windows were improved
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
         self._credit = 0  # contours that tree and distribution may place
         self._utilities: list[float] = []  # of all samples
@@ -162,8 +163,10 @@ class DecMcts:
 
         `spent` is the share of the time for planning that is over, 0..1; windows of the best
         joint order are improved from `Parameters.first` on: recreated till
-        `Parameters.recreate`, then polished. With no other head alive: search one order for
-        everything instead.
+        `Parameters.recreate`, then polished. Where the order to begin with ends sooner than all
+        policies there is little for a tree: windows are improved from the first round on,
+        recreated and polished in turn. With no other head alive: search one order for everything
+        instead.
         """
         team = _team(live)
         if team == (self.head,):
@@ -171,14 +174,15 @@ class DecMcts:
             return
         if self._try_policies(team):
             return  # heads send each other the best policy before they polish
-        polished = self.parameters.windows > 0 and self.parameters.share < 1.0
-        polished = polished and len(self.problem.macro) <= MOST_STATED
-        alone = spent < self.parameters.first and len(self.problem.macro) > FEW
-        if not polished or (alone and self.parameters.share):
-            self._search(team, UNPOLISHED if self.parameters.share else 0)
+        p, few = self.parameters, len(self.problem.macro) <= FEW
+        ahead = self._begins_ahead(team)
+        polished = p.windows > 0 and p.share < 1.0 and len(self.problem.macro) <= MOST_STATED
+        if not polished or (p.share and spent < p.first and not few and not ahead):
+            self._search(team, UNPOLISHED if p.share else 0)
             return
-        self._search(team, self._share())
-        self._refine(team, recreate=spent < self.parameters.recreate)
+        self._search(team, self._work(min(p.share, SMALL_SHARE) if ahead else p.share))
+        self._refined += 1
+        self._refine(team, recreate=self._refined % 2 == 1 if ahead else spent < p.recreate)
 
     def _try_policies(self, team: TeamHeads) -> bool:
         """Try some policies for all heads at once; False when this head has tried all its own."""
@@ -246,9 +250,13 @@ class DecMcts:
             self._steps += 1
             self._credit -= max(least, self._values.placed - before)
 
-    def _share(self) -> int:
+    def _begins_ahead(self, team: TeamHeads) -> bool:
+        """Whether the order to begin with ends sooner than that of any policy tried."""
+        return self._start_s(team) < self._policies_s(team)
+
+    def _work(self, share: float) -> int:
         """Return the contours that tree and distribution may place in a round with polishing."""
-        share, windows = self.parameters.share, self.parameters.windows
+        windows = self.parameters.windows
         return int(share / (1.0 - share) * windows * WINDOW)
 
     def _sample(self, team: TeamHeads) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,9 +14,10 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts import planner as dec_mcts
 from decmcts.team.dec_mcts.planner import BestJointPlan, DecMcts, Parameters
+from decmcts.team.dec_mcts.polish import Polish
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.alone import one_head_toolpaths
-from decmcts.team.engine.plans import decode
+from decmcts.team.engine.plans import StatedOrder, decode, encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.engine.values import EACH
@@ -173,8 +174,8 @@ def test_the_share_is_kept_by_the_count(problem: TeamProblem, share: float) -> N
         pass
     before, allowed = agent._values.placed, 0
     for _ in range(3):
-        agent._search((0, 1), agent._share())
-        allowed += agent._share()
+        agent._search((0, 1), agent._work(share))
+        allowed += agent._work(share)
     order = len(problem.macro) + EACH
     one_update = (FEW.plans + 1) * 2 * order
     assert 0 <= agent._values.placed - before <= allowed + (one_update if share else 0)
@@ -289,3 +290,30 @@ def test_no_order_is_stated_that_would_not_fit_into_a_message(
     plans = agent.best([0, 1]).plans.values()
     stated = [decode(plan, problem.n_macros, n).stated is not None for plan in plans]
     assert any(stated) == bool(most)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ahead", [False, True])
+def test_windows_are_improved_at_once_where_the_order_to_begin_with_is_ahead(
+    case: Callable[..., Any], ahead: bool
+) -> None:
+    """Trees change little of a good sweep; else they have the first share of the time."""
+    chosen = case(2, towers=8, reach=5.0)
+    problem = build_team_problem(chosen.job, chosen.machine, chosen.graph)
+    begun = Polish(problem, StatedOrder.of(_by_first_policy(problem)), seed=1)
+    if ahead:
+        begun.improve(40)
+    parts = chosen.job, chosen.machine, chosen.graph
+    problem = build_team_problem(*parts, start=begun.best if ahead else None)
+    agent = DecMcts(problem, 0, seed=1, parameters=replace(FEW, first=0.5))
+    while agent._try_policies((0, 1)):
+        pass
+    assert agent._begins_ahead((0, 1)) == ahead
+    agent.iterate([0, 1], spent=0.1)
+    assert (agent._polishing is not None) == ahead
+
+
+def _by_first_policy(problem: TeamProblem) -> Sequence[Toolpath]:
+    """Return the joint order of heads that all follow the first policy."""
+    plans = {r: encode(0, problem.n_macros) for r in range(2)}
+    return resolve(problem, plans, [0, 1]).toolpaths
