@@ -213,7 +213,7 @@ class DecMcts:
         """Have a tree and X̂ of the best that was tried: an order to begin with, or policies."""
         trials = self._trials[team]
         best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
-        if self._start_s(team) <= self._policies_s(team):
+        if self._begins_ahead(team):
             best = [self._as_begun()]
         if rearranges(self.problem, best[0]) != rearranges(self.problem, self._tree.plans[ROOT]):
             self._tree = self._new_tree(best[0])
@@ -251,13 +251,12 @@ class DecMcts:
             self._credit -= max(least, self._values.placed - before)
 
     def _begins_ahead(self, team: TeamHeads) -> bool:
-        """Whether the order to begin with ends sooner than that of any policy tried."""
-        return self._start_s(team) < self._policies_s(team)
+        """Whether no policy tried ends sooner than the order to begin with."""
+        return self._start_s(team) <= self._policies_s(team)
 
     def _work(self, share: float) -> int:
         """Return the contours that tree and distribution may place in a round with polishing."""
-        windows = self.parameters.windows
-        return int(share / (1.0 - share) * windows * WINDOW)
+        return int(share / (1.0 - share) * self.parameters.windows * WINDOW)
 
     def _sample(self, team: TeamHeads) -> None:
         """Grow the tree by one plan judged beside plans the others may follow."""

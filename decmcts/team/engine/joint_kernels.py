@@ -34,7 +34,7 @@ from decmcts.team.engine.spaces_kernels import (
 
 NONE = -1
 LOOK_BACK = 64  # units of each other head at most that are looked at for what a unit waits for
-PLACES = 32  # more than the pieces of any contour, and its end
+PLACES = 32  # of a unit: its pieces, of which there are fewer, and its end
 UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK = 0, 1, 2, 3
 
 
@@ -122,6 +122,16 @@ def first_clear_piece(
 
 
 @inlined
+def time_at(u: int, piece: int, visits: Visits, units: Units) -> float:
+    """When unit u has come to a piece, or NONE: to its end."""
+    end: float = units.end[u]
+    if piece != NONE:
+        share = visits.pieces.share[piece]
+        end = units.begin[u] + share * (units.end[u] - units.begin[u])
+    return end
+
+
+@inlined
 def clear_from(
     r: int,
     space: Space,
@@ -140,11 +150,7 @@ def clear_from(
         while u != NONE and units.end[u] > begin:
             if too_near(space, space_at(units.space, u), r, s, fleet):
                 k = first_clear_piece(u, space, r, visits, fleet, units)
-                clear = units.end[u]
-                if k != NONE:
-                    share = visits.pieces.share[k]
-                    clear = units.begin[u] + share * (units.end[u] - units.begin[u])
-                begin = max(begin, clear)
+                begin = max(begin, time_at(u, k, visits, units))
                 break
             u = units.before[u]
     return begin
@@ -185,13 +191,10 @@ def begin_in(
                 break
             if too_near(space, space_at(units.space, u), r, s, fleet):
                 k = first_clear_piece(u, space, r, visits, fleet, units)
-                at, clear = place_in(u, k, visits, units), units.end[u]
-                if k != NONE:
-                    share = visits.pieces.share[k]
-                    clear = units.begin[u] + share * (units.end[u] - units.begin[u])
+                at = place_in(u, k, visits, units)
                 if at > heads.waited[r, s]:
                     heads.waited[r, s], stops = at, True
-                begin = max(begin, clear)
+                begin = max(begin, time_at(u, k, visits, units))
                 break
             u = units.before[u]
     return begin + fleet.rest_s if stops else begin

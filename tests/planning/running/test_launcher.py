@@ -151,6 +151,16 @@ def test_of_two_heads_the_one_stops_that_a_witness_does_not_hear(desk: Desk, dea
     assert ["abort" in commands for commands in told] == [deaf == LEFT, deaf == RIGHT]
 
 
+def listening(desk: Desk) -> Heard:
+    """Return a witness that listens, as two heads have lost one another."""
+    witness = Heard(LEFT)
+    witness.is_listening = True
+    desk.team.witness = witness  # type: ignore[assignment]
+    miss_each_other(desk)
+    desk.launcher.step()
+    return witness
+
+
 @pytest.mark.parametrize("heard", [(LEFT, RIGHT), ()])
 def test_a_witness_that_tells_nothing_apart_is_asked_again(
     desk: Desk, heard: tuple[int, ...]
@@ -171,11 +181,7 @@ def test_a_witness_that_tells_nothing_apart_is_asked_again(
 
 def test_what_a_witness_heard_before_heads_found_to_one_another_is_forgotten(desk: Desk) -> None:
     """It had counted when they lost one another once more: the head that still spoke stopped."""
-    witness = Heard(LEFT)
-    witness.is_listening = True
-    desk.team.witness = witness  # type: ignore[assignment]
-    miss_each_other(desk)
-    desk.launcher.step()
+    witness = listening(desk)
     assert witness.is_asked
     for head in desk.team.heads:
         head.missing = ()
@@ -191,11 +197,7 @@ def test_what_a_witness_heard_before_heads_found_to_one_another_is_forgotten(des
 
 def test_a_late_pulse_does_not_have_a_witness_begin_again(desk: Desk) -> None:
     """On a busy machine none would ever come to an end."""
-    witness = Heard(LEFT)
-    witness.is_listening = True
-    desk.team.witness = witness  # type: ignore[assignment]
-    miss_each_other(desk)
-    desk.launcher.step()
+    witness = listening(desk)
     for head in desk.team.heads:
         head.pulse_at -= SILENT_S
     desk.launcher.step()
