@@ -35,6 +35,16 @@ def check_fits(contours: Contours, machine: Machine) -> None:
     require_printable(contours, machine, np.stack(able, axis=1))
 
 
+def refuse_unknown_head(option: str, text: str, name: str, machine: Machine) -> None:
+    """Raise InputError where a machine has no head of a name that an option states."""
+    names = [head.name for head in machine.heads]
+    if name not in names:
+        raise InputError(
+            f"{option} {text}: the machine has no head {name!r}",
+            advice=f"its heads are {', '.join(names)}",
+        )
+
+
 def _check_size(
     contours: Contours, low: NDArray[np.float64], high: NDArray[np.float64], machine: Machine
 ) -> None:

@@ -36,6 +36,7 @@ from decmcts.planning.options import (
     Rules,
     TeamSearch,
 )
+from decmcts.planning.problem.own_tools import with_tools
 from decmcts.planning.problem.slicing import PRINTED, Chosen, Slicing
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
@@ -44,6 +45,7 @@ from decmcts.planning.writing.file_times import is_longer
 from decmcts.planning.writing.heads import head_files, stem_of
 from decmcts.planning.writing.lines import cooling_line, source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
+from decmcts.print.machine import Machine
 from decmcts.samples import sample_path
 from decmcts.team.dec_mcts.parameters import read_parameters
 from decmcts.team.engine.space import eligibility
@@ -67,6 +69,14 @@ def launch(
             "--machine NAME|FILE", "A machine with several heads, such as dual-gantry or rail-3"
         ),
     ] = "dual-gantry",
+    tool: Annotated[
+        list[str] | None,
+        opt.basics(
+            "--tool HEAD=N",
+            "The tool of the source a head prints with, in place of the machine file's; may be "
+            "given more than once",
+        ),
+    ] = None,
     plate: opt.PlateOption = None,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
@@ -128,7 +138,8 @@ def launch(
         )
     opt.refuse_layer_alone(picture_layer, picture)
     stem = None if output is None else stem_of(output)
-    heads = [] if stem is None else head_files(stem, load_machine(machine))
+    heads_of = with_tools(load_machine(machine), tool or [])
+    heads = [] if stem is None else head_files(stem, heads_of)
     outputs = [*heads, plan_file, report, picture, record]
     refuse_unwritable(outputs, source, *([] if team is None else [team]))
     refuse_other_suffixes(plan_file, report, picture)
@@ -137,7 +148,7 @@ def launch(
     parameters = {} if team is None else read_parameters(team)
     search = TeamSearch(time_limit, seed, objective, parameters, cut, weld_limit_s)
     result = run_team(
-        source, machine, search, rules, limits=limits, plate=plate, record=record,
+        source, heads_of, search, rules, limits=limits, plate=plate, record=record,
         writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",
         picture_layer=picture_layer,
     )  # fmt: skip
@@ -155,7 +166,7 @@ def launch(
 
 def run_team(
     source: Path,
-    machine: str,
+    machine: Machine,
     search: TeamSearch,
     rules: Rules,
     *,
@@ -175,7 +186,7 @@ def run_team(
         running(time_limit_s=search.time_limit_s, remark=remark, table=heads_table) as (show, stop),
         recording(record) as keep,
         compiling_beside([TEAM], show),  # while the source is read
-        crew_started(len(load_machine(machine).heads)) as crew,
+        crew_started(len(machine.heads)) as crew,
     ):
 
         def told(event: Event) -> None:
@@ -245,8 +256,9 @@ def demo(
         raise InputError("is no folder", path=folder, advice="name another with --out")
     folder.mkdir(parents=True, exist_ok=True)
     found = run_team(
-        sample_path("plate.gcode.gz"), "dual-gantry", TeamSearch(time_limit, seed), Rules()
-    )
+        sample_path("plate.gcode.gz"), load_machine("dual-gantry"), TeamSearch(time_limit, seed),
+        Rules(),
+    )  # fmt: skip
     extras = folder / "plan.json", folder / "report.html", folder / "plate.png"
     with interrupt_stops(), steps() as told:
         paths = list(found.write_gcode(folder / "plate", report=told).paths)

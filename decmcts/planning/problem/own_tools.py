@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.feasibility.contacts import CollisionError
 from decmcts.formats.gcode import GcodeDocument, read_gcode
+from decmcts.formats.gcode.controller.moves_kernels import LAST_TOOL
 from decmcts.formats.gcode.reading.without_tower import without_tower
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_tools import with_own_tools
@@ -22,6 +24,7 @@ from decmcts.planning.problem.source import Source
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.machine_fit import refuse_unknown_head
 from sim.files.tower import read_without_tower
 from sim.heads.changes import as_planned
 
@@ -72,7 +75,8 @@ def towerless(source: Source) -> Source:
     if not one_tool_each(source.machine, source.job.contours):
         raise InputError(
             "a wipe tower is left out only where a print has several tools and each head one",
-            path=source.path, advice="give each head its `tools` in the machine file",
+            path=source.path,
+            advice="state each head's tool: --tool HEAD=N, or `tools` in the machine file",
         )  # fmt: skip
     text, moves = b"", 0
     if not is_mesh(source.path):
@@ -86,6 +90,38 @@ def towerless(source: Source) -> Source:
     note = f"the wipe tower is left out, as asked ({moves} moves)"
     job = replace(job, notes=(*job.notes, note))
     return replace(source, job=job, document=document, given=source, towerless=True)
+
+
+def with_tools(machine: Machine, stated: Sequence[str]) -> Machine:
+    """Return the machine with tools of its heads as stated, each ``HEAD=N``: its one tool.
+
+    Heads that are not named keep theirs.
+
+    Raises
+    ------
+    InputError
+        For heads the machine has not, heads named twice, and numbers that are none.
+    """
+    found = dict[str, int]()
+    for text in stated:
+        name, _, number = text.partition("=")
+        refuse_unknown_head("--tool", text, name, machine)
+        if name in found:
+            raise InputError(
+                f"--tool {text}: head {name} has tool {found[name]} already",
+                advice="a head of several prints with one tool",
+            )
+        if not (number.isascii() and number.isdigit() and int(number) <= LAST_TOOL):
+            raise InputError(
+                f"--tool {text}: {number!r} is no tool",
+                advice=f"give its number in the source, 0 to {LAST_TOOL}: --tool {name}=0",
+            )
+        found[name] = int(number)
+    heads = [
+        replace(head, tools=(found[head.name],)) if head.name in found else head
+        for head in machine.heads
+    ]
+    return replace(machine, heads=tuple(heads))
 
 
 def one_tool_each(machine: Machine, contours: Contours) -> bool:

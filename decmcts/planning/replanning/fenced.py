@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM
 from decmcts.print.machine import Machine, Point
+from decmcts.print.machine_fit import refuse_unknown_head
 from decmcts.print.print_state import PrintState
 
 PARKED, SLOWEST = "park", 10.0
@@ -37,7 +38,7 @@ def fenced_places(
     places = {name: last[name] for name in state.failed}
     for text in stated:
         name, has_place, place = text.partition("=")
-        _refuse_unknown("--fenced", text, name, machine)
+        refuse_unknown_head("--fenced", text, name, machine)
         if has_place:
             places[name] = parks[name] if place == PARKED else _point(text, place)
         elif name in last:
@@ -61,7 +62,7 @@ def late_heads(stated: Sequence[str], machine: Machine) -> dict[str, float]:
     found = dict[str, float]()
     for text in stated:
         name, _, factor = text.partition("=")
-        _refuse_unknown("--slower", text, name, machine)
+        refuse_unknown_head("--slower", text, name, machine)
         try:
             found[name] = float(factor)
         except ValueError:
@@ -72,16 +73,6 @@ def late_heads(stated: Sequence[str], machine: Machine) -> dict[str, float]:
                 advice=f"give how many times as long as planned it takes, 1 to {SLOWEST:g}",
             )
     return found
-
-
-def _refuse_unknown(option: str, text: str, name: str, machine: Machine) -> None:
-    """Raise InputError where a machine has no head of a name."""
-    names = [head.name for head in machine.heads]
-    if name not in names:
-        raise InputError(
-            f"{option} {text}: the machine has no head {name!r}",
-            advice=f"its heads are {', '.join(names)}",
-        )
 
 
 def _point(text: str, place: str) -> Point:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from decmcts.cli.commands.replay import read_record
 from decmcts.cli.run import run
 from decmcts.formats.plans.plan_json import read_plan
+from decmcts.print.plan import ActionKind
 from decmcts.samples import sample_path
 from sim.experiments.made_print import made_gcode
 from sim.verify import verify_plan
+from tests.makers.two_tools import made_tools_gcode
 from tests.prints import four_parts
 
 TEAM = ["--machine", "dual-gantry"]
@@ -121,3 +124,42 @@ def test_a_seam_needs_its_freedom(capsys: pytest.CaptureFixture[str]) -> None:
     source = str(sample_path("four_nuts.gcode.gz"))
     assert run(["launch", source, "--seam", "rear"]) == 2
     assert "needs --freedom seam" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.slow
+def test_the_tool_of_each_head_is_stated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A preset prints two tools on two heads; without a word it is refused, and says what to do."""
+    plan, source = tmp_path / "plan.json", tmp_path / "in.gcode"
+    source.write_text(made_tools_gcode(macro=False))
+    line = ["launch", str(source), *TEAM, "--time-limit", "0.2", "--plan", str(plan)]
+    assert run([*line, "-o", str(tmp_path / "out")]) == 2
+    assert "--tool left=0 …, or `tools` in the machine file" in capsys.readouterr().err
+    assert run([*line, "--tool", "left=1", "--tool", "right=0"]) == 0
+    document = read_plan(plan)
+    assert [head.tools for head in document.machine.heads] == [(1,), (0,)]
+    for head, tool in zip(document.plan.heads, (1, 0), strict=True):
+        printed = head.contour[head.kind == ActionKind.PRINT]
+        assert np.unique(document.contours.tool[printed]).tolist() == [tool]
+    assert not verify_plan(document).faults
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        (["middle=0"], "--tool middle=0: the machine has no head 'middle'; its heads are left, ri"),
+        (["left"], "--tool left: '' is no tool; give its number in the source, 0 to 254"),
+        (["left=255"], "--tool left=255: '255' is no tool"),
+        (["left=-1"], "--tool left=-1: '-1' is no tool"),
+        (["left=²"], "is no tool"),
+        (["left=0", "left=1"], "--tool left=1: head left has tool 0 already"),
+    ],
+)
+def test_what_is_no_tool_of_a_head_is_refused(
+    stated: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In one line, before anything is read."""
+    line = ["launch", str(tmp_path / "in.gcode"), *TEAM]
+    assert run([*line, *(word for one in stated for word in ("--tool", one))]) == 2
+    assert said in capsys.readouterr().err

@@ -65,7 +65,8 @@ def _refuse_tools(document: GcodeDocument, head: str, tools: list[int]) -> None:
             f"head {head} would print with tools {', '.join(map(str, tools))}; a head of "
             "several has one tool",
             path=document.path,
-            advice=f"leave {head} one of them (`tools` of the machine file), others to other heads",
+            advice=f"state the tool of each head: --tool {head}={tools[0]} …, "
+            "or `tools` in the machine file",
         )
 
 
