@@ -32,6 +32,7 @@ from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.changes import codes_of
 from sim.files.command_book import command_in, commands_of
@@ -134,16 +135,29 @@ def _unwalled(
     return job, replace(document, blocks=blocks, own_starts=starts, owed=owed)
 
 
-def as_planned(epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument) -> SourcePrint:
+def as_planned(
+    epochs: NDArray[np.int32], machine: Machine, job: PrintJob, document: GcodeDocument
+) -> SourcePrint:
     """Return a source as a plan with these epochs takes it: with its changes of tools or without.
 
-    Where the plan's epochs are neither it is the source as it stands, from which they then differ.
+    Where they begin no epoch of their own both have the same epochs; it is taken without them if
+    each head has one tool. Where the plan's epochs are neither it is the source as it stands, from
+    which they then differ.
     """
-    if not np.array_equal(epochs, job.contours.epoch):
-        found = without_changes(job, document)
-        if found is not None and np.array_equal(epochs, found[0].contours.epoch):
-            return found
+    as_it_stands = np.array_equal(epochs, job.contours.epoch)
+    if as_it_stands and not _one_tool_each(machine, job):
+        return job, document
+    found = without_changes(job, document)
+    if found is not None and np.array_equal(epochs, found[0].contours.epoch):
+        return found
     return job, document
+
+
+def _one_tool_each(machine: Machine, job: PrintJob) -> bool:
+    """Tell whether each head of a machine has one of a print's several tools at most."""
+    tools = set(job.contours.tool.tolist())
+    kept = [tools & set(head.tools) if head.tools else tools for head in machine.heads]
+    return len(tools) > 1 and max(map(len, kept)) <= 1
 
 
 def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:

@@ -292,7 +292,8 @@ class _Account:
                 self.over += net - due
                 self.retracted = -above
             else:
-                if net > NET_MM:
+                feeds = bool(motion.extrusion[first:last].any())  # as its tool was left, then
+                if net > (max(0.0, self.retracted) if feeds else 0.0) + NET_MM:
                     self.texts.append(
                         f"above line {lines[0]} {net:.4g} mm are pushed on the spot for no bead"
                     )

@@ -144,4 +144,4 @@ def for_the_judge(problem: PrintProblem) -> tuple[PrintJob, GcodeDocument]:
     read = given.job, given.document
     if problem.source.towerless:
         read = read_without_tower(given.document, given.plate)
-    return as_planned(problem.job.contours.epoch, *read)
+    return as_planned(problem.job.contours.epoch, problem.machine, *read)

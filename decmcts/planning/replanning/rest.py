@@ -59,7 +59,7 @@ def refuse_other(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> 
     else:
         same = len(theirs) == int(ours.sources.max(initial=-1)) + 1
         if same:
-            as_cut, _ = as_planned(epochs_of_source(ours), job, text)
+            as_cut, _ = as_planned(epochs_of_source(ours), document.machine, job, text)
             same = not parted_source(ours, as_cut, cut).faults
     if not same:
         raise InputError(

@@ -70,8 +70,9 @@ def judge_heads(
     """Verify the files of all heads against the plan and the source they were made from."""
     cut = "none" if plan.rules is None else plan.rules.cut
     job, document = as_planned(
-        epochs_of_source(plan.contours), *read_as_asked(source, plate, without_tower=without_tower)
-    )
+        epochs_of_source(plan.contours), plan.machine,
+        *read_as_asked(source, plate, without_tower=without_tower),
+    )  # fmt: skip
     parted = parted_source(plan.contours, job, cut)
     if parted.faults:
         return Verdict(parted.faults)

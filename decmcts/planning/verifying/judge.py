@@ -140,7 +140,7 @@ def judge_plan(
     job = None
     if source is not None:
         read = read_as_asked(source, plate_of(source, plate), without_tower=without_tower)
-        job, _ = as_planned(epochs_of_source(document.contours), *read)
+        job, _ = as_planned(epochs_of_source(document.contours), document.machine, *read)
     verdict = verify_plan(
         replace(document, min_layer_time_s=document.min_layer_time_s if rule is None else rule),
         source=job,
