@@ -112,7 +112,10 @@ class SliceOptions:
         }  # fmt: skip
         for name, (least, most) in limits.items():
             if not least <= (value := getattr(self, name)) <= most:
-                raise InputError(f"{name} {value:g} is outside {least:g}..{most:g}")
+                what = name.replace("_", " ")  # options of the command line read so, too
+                raise InputError(
+                    f"{what} {value:g} is out of bounds", advice=f"give {least:g} to {most:g}"
+                )
 
     def for_machine(self, machine: Machine) -> SliceOptions:
         """Return the same options for a mesh in the middle of a machine's bed."""

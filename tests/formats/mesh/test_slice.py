@@ -183,7 +183,7 @@ def test_parts_finer_than_a_bead_are_refused(tmp_path):
 )  # fmt: skip
 def test_options_that_cannot_be_printed_are_refused(wrong):
     """A layer higher than the nozzle is wide does not stick; say so before slicing."""
-    with pytest.raises(InputError, match=next(iter(wrong))):
+    with pytest.raises(InputError, match=next(iter(wrong)).replace("_", "[_ ]")):
         SliceOptions(**wrong)
 
 
@@ -291,5 +291,5 @@ def test_the_head_lifts_within_the_machine_and_parks(cube):
 
 def test_temperatures_nothing_flows_at_are_refused():
     """A cold nozzle grinds the filament and prints nothing."""
-    with pytest.raises(InputError, match=r"temperature 20 is outside 150\.\.500"):
+    with pytest.raises(InputError, match="temperature 20 is out of bounds; give 150 to 500"):
         SliceOptions(temperature=20.0)
