@@ -26,7 +26,7 @@ from decmcts.planning.options import Cut, Limits
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads
 from decmcts.planning.replanning.other_tools import other_tools, refuse_unfit
-from decmcts.planning.replanning.park_files import park_paths
+from decmcts.planning.replanning.park_files import park_paths, refuse_earlier
 from decmcts.planning.replanning.replan import Rest, rest_of, rules_of, search_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
@@ -144,6 +144,7 @@ def replan(
         )  # fmt: skip
         rest = rest_of(document, found, state, places, left_beads, show, late, other)
         if stem is not None:
+            refuse_earlier(rest.to_park, stem)
             refuse_unwritable([*heads, *park_paths(rest.to_park, stem)], source, *also)
         result = plan_rest(
             rest, search, rules_of(document), writes=stem is not None, report=show, stop=stop

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,16 @@ def park_paths(files: tuple[ParkFile, ...], stem: Path) -> list[Path]:
         stem.with_name(f"{stem.name}-{k}_{one.head}_to_park.gcode")
         for k, one in enumerate(files, 1)
     ]
+
+
+def refuse_earlier(files: tuple[ParkFile, ...], stem: Path) -> None:
+    """Raise InputError where files of an earlier replan would stand beside these, to be run too."""
+    there = stem.parent.glob(f"{escape(stem.name)}-*_to_park.gcode")
+    if earlier := sorted(set(there) - set(park_paths(files, stem))):
+        raise InputError(
+            "leads a head to its park from where it stood for an earlier replan",
+            path=earlier[0], advice="remove it, or name another stem",
+        )  # fmt: skip
 
 
 def park_files(

@@ -179,8 +179,9 @@ def rest_of(
     gone = taken(document.contours, np.flatnonzero(left.rows))
     require_passed(Verdict(check_rest(alone.contours, printed, document, dict(pairs), gone).faults))
     done, missing = int(state.done.sum()), left.stated(document.contours)
-    report(Step("paths of heads to their parks"))
-    to_park = park_files(document, source, state, whole, at)
+    with compilation_told(report) as told:
+        told(Step("paths of heads to their parks"))
+        to_park = park_files(document, source, state, whole, at)
     anew = replace(anew, job=alone)
     return Rest(anew, left, tuple(broken), done, missing, pairs, tuple(others), to_park)
 

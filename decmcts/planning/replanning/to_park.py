@@ -118,7 +118,8 @@ def _clear_route(
 ) -> Route | None:
     """Return a route to a head's park that keeps clear of the others, None if there is none."""
     x, y, z = head.park
-    over = max(height, float(places[head.name][:, 5].max()), z)
+    lowest = min([0.0, *(body.minimum[2] for body in head.bodies)])
+    over = max(height - lowest, float(places[head.name][:, 5].max()), z)
     ways: tuple[tuple[AxisWords, ...], ...] = (
         ((x, y, None),),
         ((x, None, None), (None, y, None)),

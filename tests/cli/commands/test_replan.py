@@ -89,6 +89,8 @@ def test_heads_that_stand_elsewhere_get_files_to_their_parks(
     assert [Path(name).name for name in said["written"][:2]] == names
     assert all(path.read_text().count("G1 Z") == 2 for path in (tmp_path / name for name in names))
     assert any(", ".join(f"STEM{name[4:]}" for name in names) in note for note in said["notes"])
+    assert run([*line, "--parked"]) == 2  # whoever runs what is there would run those files too
+    assert "earlier replan" in capsys.readouterr().err.splitlines()[-1]
     line[line.index("-o") + 1] = str(tmp_path / "again")
     assert run([*line, "--parked"]) == 0
     said = json.loads(capsys.readouterr().out)

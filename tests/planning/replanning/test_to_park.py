@@ -14,7 +14,7 @@ from decmcts.errors import InputError
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.living import living_machine
 from decmcts.planning.replanning.park_files import ParkFile, park_files, park_paths
-from decmcts.print.machine import Machine, Point
+from decmcts.print.machine import Body, Machine, Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import (
@@ -167,6 +167,18 @@ def test_a_head_without_a_clear_path_is_named(made: Made) -> None:
     )
     with pytest.raises(InputError, match="no clear path to its park from wherever it may stand"):
         files_of(team, state, {"right": (130.0, 100.0, 0.6)})
+
+
+def test_what_hangs_below_a_tip_goes_over_the_print_too(teams: dict[int, Team]) -> None:
+    """A probe, say, 3 mm below."""
+    (broken,) = broken_off(teams[2].document, [0.5])
+    probe = Body("probe", (20.0, -2.0, -3.0), (24.0, 2.0, 10.0))
+    machine = teams[2].machine
+    left = replace(machine.heads[0], bodies=(*machine.heads[0].bodies, probe))
+    machine = replace(machine, heads=(left, machine.heads[1]))
+    team = Team(replace(teams[2].document, machine=machine), teams[2].source)
+    up = {one.head: moves_of_text(one.text)[0]["Z"] for one in files_of(team, broken.state)}
+    assert up["left"] == pytest.approx(up["right"] + 3.0)
 
 
 def test_files_say_what_they_are(teams: dict[int, Team]) -> None:
