@@ -162,9 +162,13 @@ def _after(state: HeadState, event: PrintEvent, actions: HeadActions) -> HeadSta
 
 
 def _is_late(state: HeadState, event: PrintEvent) -> bool:
-    """Tell whether an action's end is reported behind the begin of the next, at the same time."""
-    ends = event.kind is EventKind.ENDED and event.action == state.ended - 1
-    return ends and abs(event.time_s - state.clock_s) <= SAME_S
+    """Tell whether an event of an action that has ended is reported behind that, at its time.
+
+    Such as its end behind the begin of the next, or that its last point is passed.
+    """
+    of_last = event.action == state.ended - 1
+    of_last = of_last and event.kind in (EventKind.ENDED, EventKind.PASSED)
+    return of_last and abs(event.time_s - state.clock_s) <= SAME_S
 
 
 def _refuse_event(state: HeadState, event: PrintEvent, actions: HeadActions) -> None:
@@ -272,6 +276,30 @@ def nearest_on_segment(
 def length_of(path: NDArray[np.float64]) -> float:
     """Return the length of a polyline, mm."""
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(path)))
+
+
+def whereabouts(state: HeadState, actions: HeadActions, park: Point) -> NDArray[np.float64]:
+    """Return a line on which a nozzle stands somewhere, (k, 3) mm; one point: exactly there.
+
+    A head that was at an action when it was seen last may have gone on to its end; behind an
+    action that ended, it stands there. (A wipe never goes back past a point that was passed and
+    that another head waits for.) One that was not seen stands at its park.
+    """
+    if state.at is None:
+        return np.array([park], np.float64)
+    line = np.array([state.at], np.float64)
+    if state.is_exact or not state.begun or state.ended >= len(actions):
+        return line
+    ahead = actions.action_path(state.ended)[state.point :]
+    line = np.concatenate([line, ahead])
+    moved = (np.diff(line, axis=0) != 0.0).any(axis=1)
+    return np.asarray(line[np.concatenate([[True], moved])])
+
+
+def taken_to_parks(state: PrintState) -> PrintState:
+    """Return a state whose heads that work stand at their parks, wherever they were seen."""
+    heads = [one if one.failed else replace(one, at=None) for one in state.heads]
+    return replace(state, heads=tuple(heads))
 
 
 def happened(document: PlanDocument, log: EventLog) -> PlanDocument:

@@ -12,7 +12,7 @@ import numpy as np
 
 from decmcts.print.machine import Head, Machine, Point
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Floats
+from sim.arrays import Flags, Floats
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.growth import moves_of
 from sim.replay.material import find_contacts
@@ -47,17 +47,7 @@ def _moves(head: Head, actions: HeadActions | None) -> Floats:
 
 def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, place: Point) -> list[str]:
     """Say in which moves a head comes nearer to a fenced one than it may."""
-    low = np.minimum(moves[:, :3], moves[:, 3:])
-    high = np.maximum(moves[:, :3], moves[:, 3:])
-    bad = np.zeros(len(moves), np.bool_)
-    margin = machine.head_clearance_mm - TOLERANCE_MM
-    for ours, theirs in product(_boxes(mine), _boxes(gone)):
-        apart = low + ours[0] >= np.array(place) + theirs[1] + margin
-        apart |= high + ours[1] <= np.array(place) + theirs[0] - margin
-        bad |= ~apart.any(axis=1)
-    for axis, side, least in separations_between(machine, gone, mine):
-        near = low[:, axis] - place[axis] if side > 0.0 else place[axis] - high[:, axis]
-        bad |= near < least - TOLERANCE_MM
+    bad = too_near(machine, mine, moves, gone, np.array([[*place, *place]]))
     return [
         f"head {mine.name} comes too near to head {gone.name}, which stands at "
         f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f}), between "
@@ -65,6 +55,34 @@ def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, place: P
         f"({', '.join(f'{v:.2f}' for v in moves[k, 3:])})"
         for k in np.flatnonzero(bad)[:LIMIT].tolist()
     ]
+
+
+def too_near(machine: Machine, mine: Head, moves: Floats, other: Head, its: Floats) -> Flags:
+    """Tell in which moves a head may come too near to another in any of its moves, (m,).
+
+    Both are looked at as boxes around whole moves: any two opposite corners of such a box, rows
+    of `moves` (m, 6) and `its` (n, 6), stand for it.
+    """
+    low, high = _corners(moves)
+    its_low, its_high = _corners(its)
+    bad = np.zeros(len(moves), np.bool_)
+    margin = machine.head_clearance_mm - TOLERANCE_MM
+    for ours, theirs in product(_boxes(mine), _boxes(other)):
+        at_low, at_high = its_low + theirs[0] - margin, its_high + theirs[1] + margin
+        near = (low + ours[0] < at_high.max(axis=0)) & (high + ours[1] > at_low.min(axis=0))
+        for k in np.flatnonzero(near.all(axis=1) & ~bad).tolist():
+            meets = (low[k] + ours[0] < at_high) & (high[k] + ours[1] > at_low)
+            bad[k] = bool(meets.all(axis=1).any())
+    for axis, side, least in separations_between(machine, other, mine):
+        gap = low - its_high.max(axis=0) if side > 0.0 else its_low.min(axis=0) - high
+        bad |= gap[:, axis] < least - TOLERANCE_MM
+    return bad
+
+
+def _corners(moves: Floats) -> tuple[Floats, Floats]:
+    """Return least and most of each move, (m, 3) both."""
+    ends = moves[:, :3], moves[:, 3:]
+    return np.minimum(*ends), np.maximum(*ends)
 
 
 def _boxes(head: Head) -> list[Floats]:

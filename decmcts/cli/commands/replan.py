@@ -17,6 +17,7 @@ from decmcts.cli.lines import figures
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
+from decmcts.formats.files.atomic import write_all
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import SliceOptions, is_mesh
 from decmcts.formats.plans.plan_json import read_plan
@@ -25,6 +26,7 @@ from decmcts.planning.options import Cut, Limits
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads
 from decmcts.planning.replanning.other_tools import other_tools, refuse_unfit
+from decmcts.planning.replanning.park_files import park_paths, refuse_earlier
 from decmcts.planning.replanning.replan import Rest, rest_of, rules_of, search_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
@@ -37,6 +39,7 @@ from decmcts.print.print_state import (
     state_of_events,
     state_of_height,
     state_of_layers,
+    taken_to_parks,
 )
 
 PrintWithOption = Annotated[
@@ -85,6 +88,12 @@ def replan(
             "A head that prints no more, and where it stands; may be given more than once",
         ),
     ] = None,
+    parked: Annotated[
+        bool,
+        opt.basics(
+            "--parked", "With --events: heads that live were taken to their parks since then"
+        ),
+    ] = False,
     slower: Annotated[
         list[str] | None,
         opt.basics(
@@ -110,6 +119,11 @@ def replan(
         raise InputError("nothing would be written", advice="add -o STEM, --plan FILE or both")
     if is_mesh(source):
         raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")
+    if parked and events is None:
+        raise InputError(
+            "--parked says where heads stand that events saw elsewhere, and no events are given",
+            advice="add --events FILE, or leave it out",
+        )
     document = read_plan(plan)
     stem = None if output is None else stem_of(output)
     heads = [] if stem is None else [*head_files(stem, document.machine), _rest_file(stem)]
@@ -118,6 +132,8 @@ def replan(
     refuse_other_suffixes(plan_file, None, None)
     state = _state(document, events, layer, height)
     places = fenced_places(fenced or [], document.machine, state, seen=events is not None)
+    if parked:
+        state = taken_to_parks(state)
     late = late_heads(slower or [], document.machine)
     other = other_tools(print_with or [], document.machine, document.contours)
     refuse_unfit(other, document.machine, list(places))
@@ -127,6 +143,9 @@ def replan(
             source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=show
         )  # fmt: skip
         rest = rest_of(document, found, state, places, left_beads, show, late, other)
+        if stem is not None:
+            refuse_earlier(rest.to_park, stem)
+            refuse_unwritable([*heads, *park_paths(rest.to_park, stem)], source, *also)
         result = plan_rest(
             rest, search, rules_of(document), writes=stem is not None, report=show, stop=stop
         )  # fmt: skip
@@ -167,8 +186,10 @@ def _write(result: Result, rest: Rest, stem: Path | None, plan_file: Path | None
     with interrupt_stops(), steps() as told:
         if stem is not None:
             told(Step("putting the files of all heads in place"))
+            first = park_paths(rest.to_park, stem)
+            write_all([(path, one.text) for path, one in zip(first, rest.to_park, strict=True)])
             save_text(rest.source.path.read_bytes(), _rest_file(stem))
-            paths = [*result.write_gcode(stem, report=told).paths, _rest_file(stem)]
+            paths = [*first, *result.write_gcode(stem, report=told).paths, _rest_file(stem)]
         if plan_file is not None:
             result.write_plan(plan_file)
             paths.append(plan_file)
@@ -186,6 +207,7 @@ def _show(
         state = {
             "contours": whole, "printed": rest.done, "left_out": left,
             "broken_off": len(rest.broken), "heads": live,
+            "to_park": [one.head for one in rest.to_park],
             "print_with": {str(due): has for due, has in rest.print_with},
         }  # fmt: skip
         print_json("decmcts-result/1", {**figures(result, paths), "replanned": state})

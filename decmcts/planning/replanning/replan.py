@@ -6,10 +6,11 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.living import living_machine, slowed
 from decmcts.planning.replanning.other_tools import OPTION, differences, needed
+from decmcts.planning.replanning.park_files import ParkFile, park_files, park_paths
 from decmcts.planning.replanning.rest import (
     Broken,
     LeftBeads,
@@ -58,7 +60,6 @@ from sim.content.rest import check_rest
 from sim.faults import Verdict
 
 ROUNDED_MM, ROUNDED_E_MM = 1.5e-3, 1e-4  # of what is written and read back
-AT_PARK_MM = 0.01
 HOMES = (
     "the start code is run once more: see that it neither homes over what is printed nor drives "
     "into it"
@@ -76,7 +77,7 @@ class Rest:
     missing: str = ""  # what no living head can finish, in words
     print_with: tuple[tuple[int, int], ...] = ()  # tools, and those that print for them
     others: tuple[str, ...] = ()  # what is printed with another tool, in words
-    away: tuple[str, ...] = ()  # heads that live and were last seen elsewhere than at their parks
+    to_park: tuple[ParkFile, ...] = ()  # take heads that stand elsewhere there, in this order
 
     __repr__ = brief("source", "done", "broken", "missing")
 
@@ -87,12 +88,7 @@ class Rest:
             f"{_broke(one)}: its last {one.missing_mm:.1f} mm are printed"
             for one in self.broken if self._is_finished(one)
         ]  # fmt: skip
-        away = [
-            f"head {name} was last seen away from its park: take it there before any file is run, "
-            "for each goes there while the others stand where they are"
-            for name in self.away
-        ]
-        return [*self.others, *self.unfinished, *finished, *away]
+        return [*self.others, *self.unfinished, *finished, *self._to_park()]
 
     @property
     def unfinished(self) -> list[str]:
@@ -102,6 +98,18 @@ class Rest:
             f"{_broke(one)}: the last {one.missing_mm:.1f} mm at most of it are missing"
             for one in self.broken if not self._is_finished(one)
         ]  # fmt: skip
+
+    def _to_park(self) -> list[str]:
+        """Return a line on what is to be run before the files of the rest."""
+        if not self.to_park:
+            return []
+        stem = Path("STEM")
+        names = ", ".join(path.name for path in park_paths(self.to_park, stem))
+        several = " one after another" if len(self.to_park) > 1 else ""
+        return [
+            f"heads away from their parks: before the files of the rest run {names},{several} in "
+            "this order, each when the one before has ended"
+        ]
 
     def _is_finished(self, one: Broken) -> bool:
         return bool(one.rest) and not self.left.rows[one.contour]
@@ -171,18 +179,11 @@ def rest_of(
     gone = taken(document.contours, np.flatnonzero(left.rows))
     require_passed(Verdict(check_rest(alone.contours, printed, document, dict(pairs), gone).faults))
     done, missing = int(state.done.sum()), left.stated(document.contours)
-    anew, away = replace(anew, job=alone), tuple(_away(state, machine))
-    return Rest(anew, left, tuple(broken), done, missing, pairs, tuple(others), away)
-
-
-def _away(state: PrintState, machine: Machine) -> Iterator[str]:
-    """Yield the heads of a machine that were last seen elsewhere than at their parks."""
-    parks = {head.name: head.park for head in machine.heads}
-    for head in state.heads:
-        if head.head in parks and head.at is not None:
-            apart = np.subtract(head.at, parks[head.head])
-            if float(np.linalg.norm(apart)) > AT_PARK_MM:
-                yield head.head
+    with compilation_told(report) as told:
+        told(Step("paths of heads to their parks"))
+        to_park = park_files(document, source, state, whole, at)
+    anew = replace(anew, job=alone)
+    return Rest(anew, left, tuple(broken), done, missing, pairs, tuple(others), to_park)
 
 
 def _able(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.writing.parts import Stretch, contours_of
+from decmcts.planning.problem.made_from import is_made_from
 from decmcts.planning.replanning.stretches import source_rows, stretches_left
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
@@ -21,8 +22,6 @@ from decmcts.print.loops import as_printed, traversal
 from decmcts.print.loops_kernels import Rotated
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, length_of, rest_of_line
-from sim.content.pieces import epochs_of_source, parted_source
-from sim.heads.changes import as_planned
 
 GRID = 3  # decimals of a file
 
@@ -45,23 +44,9 @@ class Broken:
 
 
 def refuse_other(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> None:
-    """Raise InputError where the source is not the print of a plan.
-
-    Changes of tools that the plan has not are none of the source either.
-    """
+    """Raise InputError where the source is not the print of a plan."""
     ours, theirs = document.contours, job.contours
-    cut = "none" if document.rules is None else document.rules.cut
-    if ours.of is None:
-        same = np.array_equal(ours.offsets, theirs.offsets)
-        same = same and np.array_equal(ours.points, theirs.points)
-        same = same and np.array_equal(ours.extrusion, theirs.extrusion)
-        same = same and np.array_equal(ours.tool, theirs.tool)
-    else:
-        same = len(theirs) == int(ours.sources.max(initial=-1)) + 1
-        if same:
-            as_cut, _ = as_planned(epochs_of_source(ours), document.machine, job, text)
-            same = not parted_source(ours, as_cut, cut).faults
-    if not same:
+    if not is_made_from(document, job, text):
         raise InputError(
             f"the source is not the print of this plan ({len(theirs)} contours; the plan has "
             f"{len(np.unique(ours.sources))})",

@@ -1,27 +1,18 @@
-"""Heads that go to their parks from wherever they stand, one after another.
-
-A head goes straight up above all that is printed, across, and down at its park. It goes when its
-path keeps clear of where all others stand by then, those that failed included.
-"""
+"""A plan by which heads go to their parks from wherever they stand, one after another."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.errors import InputError
+from decmcts.planning.replanning.to_park import routes_to_parks, top_of
 from decmcts.print.contours import taken
-from decmcts.print.machine import Head, Machine, Point
+from decmcts.print.machine import Machine, Point
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
-from sim.replay.fenced import head_meets
-
-SAME_MM = 1e-6
-ABOVE_MM = 1.0  # all that is printed, on the path
 
 
 def parking_plan(
@@ -46,48 +37,10 @@ def parking_plan(
     InputError
         When some head has no clear path.
     """
-    top = max(
-        float(c.points[:, 2].max(initial=0.0))
-        for c in (document.contours, document.printed) if c is not None
-    )  # fmt: skip
-    places, order = {**fenced, **standing}, list[tuple[str, NDArray[np.float64]]]()
-    waiting = [name for name, at in standing.items() if not same_place(at, machine.head(name).park)]
-    while waiting:
-        for name in waiting:
-            others = {other: at for other, at in places.items() if other != name}
-            path = _clear_path(machine, machine.head(name), places[name], others, top + ABOVE_MM)
-            if path is not None:
-                break
-        else:
-            raise InputError(
-                f"head {waiting[0]} has no clear path to its park",
-                advice="move the heads that failed away, and say where they stand",
-            )
-        waiting.remove(name)
-        order.append((name, path))
-        places[name] = machine.head(name).park
+    lines = {name: np.array([at], np.float64) for name, at in standing.items()}
+    routes = routes_to_parks(machine, lines, fenced, top_of(document))
+    order = [(route.head, route.path(standing[route.head])) for route in routes]
     return _document(document, machine, order) if order else None
-
-
-def same_place(a: Point, b: Point) -> bool:
-    """Tell whether two places are one, but for rounding."""
-    return float(np.abs(np.subtract(a, b)).max()) < SAME_MM
-
-
-def _clear_path(
-    machine: Machine, head: Head, at: Point, others: Mapping[str, Point], height: float
-) -> NDArray[np.float64] | None:
-    """Return a path to a head's park that keeps clear of the others, None if there is none."""
-    z = max(height, at[2], head.park[2])
-    for corner in (None, (head.park[0], at[1]), (at[0], head.park[1])):
-        points = [at, (at[0], at[1], z)]
-        points += [] if corner is None else [(*corner, z)]
-        points += [(head.park[0], head.park[1], z), head.park]
-        path = np.array([points[0]] + [b for a, b in pairwise(points) if not same_place(a, b)])
-        moves = np.concatenate([path[:-1], path[1:]], axis=1)
-        if not any(head_meets(machine, head, moves, machine.head(o), p) for o, p in others.items()):
-            return path
-    return None
 
 
 def _document(

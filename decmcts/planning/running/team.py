@@ -15,8 +15,8 @@ from agents.running.report import NOTHING, Reached
 from agents.running.witnessing import WitnessProcess
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Note, Report
+from decmcts.planning.replanning.to_park import same_place
 from decmcts.planning.running.options import Failure
-from decmcts.planning.running.parking import same_place
 from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.standing import Standing
 from decmcts.print.figures import clock_time

@@ -14,6 +14,7 @@ from decmcts.formats.gcode.text.source_text import has_plates, load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.planning.events import Note, Report, unheard
+from decmcts.planning.problem.made_from import is_made_from
 from decmcts.planning.problem.source import machine_for
 from decmcts.planning.verifying.heads import (
     judge_heads,
@@ -164,15 +165,21 @@ def judge_rest(plan: Path, source: Path | None, whole: Path) -> RestCheck:
     Raises
     ------
     InputError
-        Where the plan or the source of the rest is missing.
+        Where the plan or the source of the rest is missing, or that of the whole print is named.
     """
     if not is_plan(plan):
         raise InputError("the plan of the rest is missing", advice="add --plan rest.json")
     if source is None:
         raise InputError("the source of the rest is missing", advice="add --source rest.gcode")
-    rest, (job, _) = read_plan(plan), read_gcode(source)
-    printed_with = dict(rest.print_with)
-    return check_rest(job.contours, rest.printed, read_plan(whole), printed_with)
+    rest, broken, (job, text) = read_plan(plan), read_plan(whole), read_gcode(source)
+    if is_made_from(broken, job, text) and not is_made_from(rest, job, text):
+        raise InputError(
+            "this is the source of the plan that was broken off; the rest has one of its own",
+            path=source,
+            advice="name the one that `replan -o rest` wrote beside the heads' files: "
+            "--source rest.gcode",
+        )
+    return check_rest(job.contours, rest.printed, broken, dict(rest.print_with))
 
 
 def is_whole_team(path: Path, plate: int | None = None) -> bool:

@@ -73,6 +73,67 @@ def test_a_rest_is_replanned_from_its_files(
     assert (tmp_path / "end_left.gcode").exists() and (tmp_path / "end.gcode").exists()
 
 
+@pytest.mark.slow
+def test_heads_that_stand_elsewhere_get_files_to_their_parks(
+    made: Made, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]  # noqa: F811
+) -> None:  # fmt: skip
+    """They are named in the order to run them, before the files of the rest; not once parked."""
+    events = tmp_path / "events.msgpack"
+    events.write_bytes(stream_of(log_until(made.document, 30.0)))
+    line = ["replan", str(plan), "--source", str(made.path), "--events", str(events), "-o"]
+    line += [str(tmp_path / "rest"), "--time-limit", "0.2", "--json"]
+    assert run(line) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["replanned"]["to_park"] == ["left", "right"]
+    names = ["rest-1_left_to_park.gcode", "rest-2_right_to_park.gcode"]
+    assert [Path(name).name for name in said["written"][:2]] == names
+    assert all(path.read_text().count("G1 Z") == 2 for path in (tmp_path / name for name in names))
+    assert any(", ".join(f"STEM{name[4:]}" for name in names) in note for note in said["notes"])
+    assert run([*line, "--parked"]) == 2  # whoever runs what is there would run those files too
+    assert "earlier replan" in capsys.readouterr().err.splitlines()[-1]
+    line[line.index("-o") + 1] = str(tmp_path / "again")
+    assert run([*line, "--parked"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["replanned"]["to_park"] == [] and not list(tmp_path.glob("again*_to_park.gcode"))
+    assert not any("to_park" in note for note in said["notes"])
+
+
+@pytest.mark.slow
+def test_a_head_that_cannot_park_is_named_and_nothing_written(
+    made: Made, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]  # noqa: F811
+) -> None:  # fmt: skip
+    """Somewhere in its bead it is too near to the one that is fenced; people can park it."""
+    left = made.document.plan.heads[0]
+    wall = next(k for k in range(9, len(left)) if abs(left.action_path(k)[:, 0].max() - 70.0) < 0.1)
+    time_s = float(left.begin_s[wall] + left.end_s[wall]) / 2.0
+    events = tmp_path / "events.msgpack"
+    events.write_bytes(stream_of(log_until(made.document, time_s)))
+    line = ["replan", str(plan), "--source", str(made.path), "--events", str(events), "-o"]
+    line += [str(tmp_path / "rest"), "--time-limit", "0.2", "--fenced", "right=139.8,100,0.6"]
+    assert run(line) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "head left has no clear path to its park" in said and "--parked" in said
+    assert not list(tmp_path.glob("rest*"))
+    assert run([*line, "--parked"]) == 0
+
+
+@pytest.mark.slow
+def test_the_source_of_the_whole_print_is_not_that_of_its_rest(
+    made: Made, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]  # noqa: F811
+) -> None:  # fmt: skip
+    """One line says which is, in place of many about what is missing."""
+    rest = tmp_path / "rest.json"
+    line = ["replan", str(plan), "--source", str(made.path), "--layer", "2", "-o"]
+    assert run([*line, str(tmp_path / "rest"), "--plan", str(rest), "--time-limit", "0.2"]) == 0
+    judged = ["verify", str(rest), "--rest-of", str(plan), "--source"]
+    capsys.readouterr()
+    assert run([*judged, str(made.path)]) == 2
+    shown = capsys.readouterr()
+    said = shown.err.strip().splitlines()[-1]
+    assert not shown.out and "the rest has one of its own" in said and "rest.gcode" in said
+    assert run([*judged, str(tmp_path / "rest.gcode")]) == 0
+
+
 @pytest.mark.parametrize(
     ("more", "what"),
     [
@@ -84,6 +145,7 @@ def test_a_rest_is_replanned_from_its_files(
         (["--layer", "2", "--fenced", "right"], "no event says where"),
         (["--layer", "2", "--fenced", "x=park"], "no head 'x'"),
         (["--events", "none"], "none"),
+        (["--layer", "2", "--parked"], "no events are given"),
         (["--layer", "2", "--slower", "x=2"], "no head 'x'"),
         (["--layer", "2", "--slower", "left"], "'' is no factor"),
         (["--layer", "2", "--slower", "left=0.5"], "'0.5' is no factor"),

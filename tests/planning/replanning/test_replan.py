@@ -219,16 +219,15 @@ def test_a_rest_is_replanned_again(made: Made, alone: Any, agents: Any, tmp_path
     assert not left & printed and left | printed | missing == laid(contours)
 
 
-def test_heads_that_stand_over_the_print_are_told(made: Made) -> None:
-    """Their files take them to their parks one by one, past where the others stand."""
+def test_heads_that_stand_over_the_print_are_taken_to_their_parks(made: Made) -> None:
+    """By files of their own, before those of the rest, which begin there."""
     state = state_of_events(made.document, log_until(made.document, 30.0))
     rest = rest_of(made.document, made.source, state, {})
-    assert [line.partition(":")[0] for line in rest.lines[-2:]] == [
-        "head left was last seen away from its park", "head right was last seen away from its park"
-    ]  # fmt: skip
+    assert [one.head for one in rest.to_park] == ["left", "right"]
+    assert "run STEM-1_left_to_park.gcode, STEM-2_right_to_park.gcode, one" in rest.lines[-1]
     rest = rest_of(made.document, made.source, state, {"right": PARKED})
-    assert rest.away == ("left",)
-    assert not rest_of(made.document, made.source, state_of_layers(made.document, 2), {}).away
+    assert [one.head for one in rest.to_park] == ["left"]
+    assert not rest_of(made.document, made.source, state_of_layers(made.document, 2), {}).to_park
 
 
 def test_what_is_left_has_no_first_layer(made: Made) -> None:

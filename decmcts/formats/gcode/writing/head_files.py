@@ -70,6 +70,7 @@ from decmcts.formats.gcode.writing.hot_ends import (
 )
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import OwnFilament, feeds_one_bead, own_lines
+from decmcts.formats.gcode.writing.park_file import Z_FEED
 from decmcts.formats.gcode.writing.sync_points import HeadWaits, SyncPoints, number_sync_points
 from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.idle import Idle
@@ -179,7 +180,7 @@ class _HeadFileWriter:
     def _park(self, park: Point) -> None:
         """Go to the park position, over what stands on the bed already."""
         emitter, printed = self.emitter, self.job.printed
-        (x, y, z), z_feed = park, (emitter.settings.z_feed or 10.0) * 60
+        (x, y, z), z_feed = park, (emitter.settings.z_feed or Z_FEED) * 60
         over = z if printed is None else max(z, float(printed.top.max()) + OVER_PRINTED_MM)
         emitter.say(f"G1 Z{over:.3f} F{z_feed:.0f}")
         emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
