@@ -26,6 +26,7 @@ from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import crew_started
 from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
+from decmcts.planning.problem.made_from import source_of
 from decmcts.planning.problem.own_tools import one_tool_each, team_problem
 from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above
@@ -41,7 +42,6 @@ from decmcts.planning.replanning.rest import (
     broken_beads,
     left_out,
     printed_contours,
-    refuse_other,
 )
 from decmcts.planning.replanning.stretches import Able, stretches_left
 from decmcts.planning.result import Result
@@ -152,8 +152,8 @@ def rest_of(
     VerificationError
         Where what is written of the rest is not what is left of the print.
     """
+    source = source_of(document, source)
     job = source.job
-    refuse_other(document, job, source.document)
     broken = broken_beads(document, job, state, left_beads)
     left_open = ~state.done
     left_open[[one.contour for one in broken if one.rest]] = True
@@ -259,7 +259,7 @@ def _written_so(
     _refuse_altered(source, job, anew)
     return replace(
         source, path=draft, job=anew, document=text, folder=folder, machine=machine,
-        own_limits=False, plate=None,
+        own_limits=False, plate=None, given=None, towerless=False,
     )  # fmt: skip
 
 

@@ -10,10 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.errors import InputError
-from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.writing.parts import Stretch, contours_of
-from decmcts.planning.problem.made_from import is_made_from
 from decmcts.planning.replanning.stretches import source_rows, stretches_left
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
@@ -41,18 +38,6 @@ class Broken:
     contour: int  # of the plan
     missing_mm: float  # at most, of its path
     rest: tuple[Stretch, ...] = ()  # what is printed of it yet; none: it is left
-
-
-def refuse_other(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> None:
-    """Raise InputError where the source is not the print of a plan."""
-    ours, theirs = document.contours, job.contours
-    if not is_made_from(document, job, text):
-        raise InputError(
-            f"the source is not the print of this plan ({len(theirs)} contours; the plan has "
-            f"{len(np.unique(ours.sources))})",
-            advice="name the file that was planned, unchanged; plans of prints that were made safe "
-            "or whose tower was left out cannot be replanned yet",
-        )
 
 
 def _parted(one: Stretch, *, hops: bool) -> list[Stretch]:

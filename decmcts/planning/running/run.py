@@ -10,8 +10,8 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.planning.events import Report, Step, unheard
+from decmcts.planning.problem.made_from import source_of
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.rest import refuse_other
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
 from decmcts.planning.running.recorded import Carried, RecordedWait, nearest, waits_of
@@ -120,7 +120,7 @@ def run(
     if not document.plan.heads:
         raise InputError("the plan has no head")
     if source is not None:
-        refuse_other(document, source.job, source.document)
+        source = source_of(document, source)
     if asked is None:
         asked = queue.Queue()
         asked.put(None)

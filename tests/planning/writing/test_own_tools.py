@@ -14,6 +14,7 @@ from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.formats.gcode.reading.without_tower import without_tower
 from decmcts.formats.gcode.writing.own_tools import Freed, with_own_tools
 from decmcts.formats.mesh import SliceOptions
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.options import RULES, Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.source import read_source
@@ -490,3 +491,25 @@ def test_a_head_pushes_what_it_retracted_before_its_tool_is_loaded(
     rows[back] = rows[back].replace("G1 E", "G1 E1")  # 10 mm more
     Path(files[1]).write_text("\n".join(rows))
     assert run(["verify", *checked]) == 1
+
+
+@pytest.mark.slow
+def test_the_rest_of_a_print_whose_tower_was_left_out_is_planned(
+    agents: Agents, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The source still has the tower; a source that is another print's is refused as before."""
+    tower = (";TYPE:Wipe tower", ";WIDTH:0.5", "G1 X200 Y150 Z0.2 F9000", "G1 X220 E0.8 F1800")
+    source = one_change(tmp_path, (f"M109 S{HOT[1]}", "G1 E9.00000 F2400", *tower))
+    launched(source, tmp_path, agents, Rules(without_tower=True))
+    plan, stem = str(tmp_path / "plan.json"), tmp_path / "rest"
+    line = ["replan", plan, "--layer", "1", "--time-limit", "0.2", "-o", str(stem)]
+    line += ["--plan", f"{stem}.json", "--source"]
+    assert run([*line, source]) == 0
+    files = [f"{stem}_left.gcode", f"{stem}_right.gcode"]
+    checked = ["--plan", f"{stem}.json", "--source", f"{stem}.gcode", "--rest-of", plan]
+    assert run(["verify", *files, *checked]) == 0
+    assert len(read_plan(f"{stem}.json").contours) == 5  # of six; the tower is none
+    other = tmp_path / "other.gcode"
+    other.write_text(Path(source).read_text().replace("X232", "X231"))
+    assert run([*line, str(other)]) == 2
+    assert "the source is not the print of this plan" in capsys.readouterr().err
