@@ -1,41 +1,14 @@
-"""The source that a plan was made of."""
+"""Whether a source is the print that a plan was made of."""
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 
-from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.planning.problem.own_tools import towerless
-from decmcts.planning.problem.source import Source
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
 from sim.content.pieces import epochs_of_source, parted_source
 from sim.heads.changes import as_planned
-
-
-def source_of(document: PlanDocument, named: Source) -> Source:
-    """Return a source as a plan was made of it: without its wipe tower if the plan has none.
-
-    Raises
-    ------
-    InputError
-        Where it is not the print of the plan.
-    """
-    if is_made_from(document, named.job, named.document):
-        return named
-    with suppress(InputError):
-        bare = towerless(named)
-        if is_made_from(document, bare.job, bare.document):
-            return bare
-    raise InputError(
-        f"the source is not the print of this plan ({len(named.job.contours)} contours; the plan "
-        f"has {len(np.unique(document.contours.sources))})",
-        advice="name the file that was planned, unchanged; plans of prints that were made safe "
-        "cannot be replanned yet",
-    )
 
 
 def is_made_from(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> bool:

@@ -10,6 +10,7 @@ import pytest
 from agents.messages.event_stream import stream_of
 from decmcts.cli.run import run
 from decmcts.formats.plans.plan_json import read_plan, write_plan
+from tests.makers.one_by_one import one_by_one
 from tests.planning.replanning.conftest import (
     Made,
     cut,  # noqa: F401
@@ -180,3 +181,23 @@ def test_a_rest_is_cut_as_asked(cut: Made, tmp_path: Path) -> None:  # noqa: F81
     files = [str(tmp_path / f"rest_{head}.gcode") for head in ("left", "right")]
     judged = ["verify", *files, "--plan", str(rest), "--source", str(tmp_path / "rest.gcode")]
     assert run([*judged, "--rest-of", str(plan)]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("agents_here")
+def test_the_rest_of_a_print_that_was_made_safe_is_planned(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The plan's contours are those of the source, layer by layer."""
+    source, plan, stem = tmp_path / "in.gcode", tmp_path / "plan.json", tmp_path / "rest"
+    source.write_text(one_by_one(2, (), layers=20, pitch_mm=14.0))
+    line = ["launch", str(source), "--time-limit", "0.2", "--plan", str(plan)]
+    assert run(line) == 0
+    assert "it is printed layer by layer instead" in capsys.readouterr().err
+    named = ["replan", str(plan), "--source", str(source), "--time-limit", "0.2"]
+    named += ["--height", "2", "-o", str(stem), "--plan", f"{stem}.json"]
+    assert run(named) == 0
+    assert len(read_plan(f"{stem}.json").contours) == 2 * 2 * 10
+    files = [f"{stem}_left.gcode", f"{stem}_right.gcode"]
+    checked = ["--plan", f"{stem}.json", "--source", f"{stem}.gcode", "--rest-of", str(plan)]
+    assert run(["verify", *files, *checked]) == 0
