@@ -110,7 +110,10 @@ def _reason(
     near = [r for r in armed if _reaches(machine.heads[r], low, high)[0]]
     if not near:
         those = "no head" if len(armed) == len(machine.heads) else f"no head with tool {tool[0]}"
-        return f"{those} reaches it", f"{MOVE_INTO_REACH}, or choose another machine"
+        around = ""
+        if contours.role[c] == Role.SKIRT_BRIM:
+            around = "slice it without skirt or brim, or "
+        return f"{those} reaches it", f"{MOVE_INTO_REACH}, or {around}choose another machine"
     there = near if live is None else [r for r in near if r in live]
     names = " and ".join(machine.heads[r].name for r in there or near)
     if not there:

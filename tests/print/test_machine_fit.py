@@ -71,6 +71,8 @@ def test_each_contour_needs_one_head_for_itself():
     check_fits(lines((5.0, 20.0), (250.0, 290.0)), dual)
     with pytest.raises(InputError, match="no head reaches it; move the print"):
         check_fits(lines((5.0, 290.0)), dual)
+    with pytest.raises(InputError, match="into reach, or slice it without skirt"):
+        check_fits(lines((5.0, 290.0), role=Role.SKIRT_BRIM), dual)
 
 
 def test_what_only_a_head_with_another_tool_reaches_is_said_so():
