@@ -1,7 +1,8 @@
 """Heads that go to their parks from wherever they stand, one after another.
 
 A head goes straight up above all that is printed, across, and down at its park. It goes when its
-path keeps clear of where all others stand by then, those that failed included.
+path keeps clear of where all others stand by then, those that failed included. One that stands at
+its park has no action; it takes up the plan too, so that all know that it stands.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def parking_plan(
     document: PlanDocument, machine: Machine, standing: Mapping[str, Point],
     fenced: Mapping[str, Point],
 ) -> PlanDocument | None:  # fmt: skip
-    """Return a plan by which heads go to their parks; None where all are there.
+    """Return a plan by which heads go to their parks; None where none is to go.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def parking_plan(
     machine : Machine
         With all heads, those that failed too.
     standing : Mapping[str, Point]
-        Where each head stands that is to go, mm.
+        Where each head stands that is to go, mm, or is at its park.
     fenced : Mapping[str, Point]
         Where each head stands that does not move.
 
@@ -52,6 +53,7 @@ def parking_plan(
     )  # fmt: skip
     places, order = {**fenced, **standing}, list[tuple[str, NDArray[np.float64]]]()
     waiting = [name for name, at in standing.items() if not same_place(at, machine.head(name).park)]
+    there = [name for name in standing if name not in waiting]
     while waiting:
         for name in waiting:
             others = {other: at for other, at in places.items() if other != name}
@@ -66,6 +68,7 @@ def parking_plan(
         waiting.remove(name)
         order.append((name, path))
         places[name] = machine.head(name).park
+    order += [(name, np.empty((0, 3))) for name in there]
     return _document(document, machine, order) if order else None
 
 
@@ -98,13 +101,15 @@ def _document(
     for k, (name, path) in enumerate(order):
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
         end = begin + length / machine.limits_of(machine.head(name)).travel_feed
-        m = int(k > 0)
+        n = int(len(path) > 0)  # actions
+        m = n * int(k > 0)
         heads.append(
             HeadActions(
-                head=name, kind=np.array([ActionKind.PARK], np.int8),
-                contour=np.array([-1], np.int32), reversed=np.array([False]),
-                entry=np.array([0], np.int32), path_offsets=np.array([0, len(path)]), path=path,
-                begin_s=np.array([begin]), end_s=np.array([end]), after_offsets=np.array([0, m]),
+                head=name, kind=np.full(n, ActionKind.PARK, np.int8),
+                contour=np.full(n, -1, np.int32), reversed=np.zeros(n, np.bool_),
+                entry=np.zeros(n, np.int32), path_offsets=np.array([0, len(path)][: n + 1]),
+                path=path, begin_s=np.full(n, begin), end_s=np.full(n, end),
+                after_offsets=np.array([0, m][: n + 1]),
                 after_head=np.full(m, k - 1, np.int32), after_action=np.zeros(m, np.int32),
                 after_point=np.full(m, ACTION_END, np.int32), after_lag_s=np.zeros(m),
             )
