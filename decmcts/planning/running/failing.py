@@ -69,7 +69,8 @@ class Failing:
         if self._is_off(h):
             return
         self.fail(h, why)
-        head.parks = head.fenced = False  # it stands who knows where
+        assert head.failure is not None
+        head.parks, head.fenced, head.failure.fenced_s = False, False, math.nan  # who knows where
         self.renewal.hold()
 
     def _is_off(self, h: int) -> bool:

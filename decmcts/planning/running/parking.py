@@ -119,5 +119,5 @@ def _document(
     return replace(
         document, machine=machine, contours=taken(document.contours, none),
         plan=JointPlan(tuple(heads)), precedence=np.empty((0, 2), np.int32), metrics=Metrics(),
-        acceleration=None, printed=None,
+        acceleration=None, printed=None, fenced=None,
     )  # fmt: skip

@@ -401,6 +401,7 @@ def test_heads_do_all_they_can_while_one_is_lost(
     desk.team.heads[RIGHT].controller_gone = "its controller ended"
     desk.hold(0)
     assert desk.team.lost() == [RIGHT] and not desk.renewal.is_busy
+    assert np.isnan(desk.team.failures[0].fenced_s)
     assert desk.told(LEFT, "limit")[-1]["until"] > before
 
 

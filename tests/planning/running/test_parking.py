@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.running.parking import parking_plan
+from decmcts.print.machine import Fenced
 from sim.controllers.feeding import Work
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.simulate import simulate
@@ -54,3 +56,20 @@ def test_a_head_in_the_way_is_named(made: Made) -> None:
         parking_plan(
             made.document, machine, {"right": (100.0, 100.0, 0.6)}, {"left": (300.0, 100.0, 0.6)}
         )
+
+
+def test_heads_go_to_their_parks_from_a_plan_around_another_that_failed(
+    made: Made, tmp_path: Path
+) -> None:
+    """It moves in this plan, or stands in its way; a run ended over it when a second one failed."""
+    machine = made.document.machine
+    left, right = machine.heads
+    around = replace(made.document, fenced=Fenced(machine, {"right": right.park}))
+    for standing, others in (
+        ({"left": (100.0, 100.0, 0.6)}, {"right": right.park}),
+        ({"right": (200.0, 100.0, 0.6)}, {"left": left.park}),
+    ):
+        plan = parking_plan(around, machine, standing, others)
+        assert plan is not None
+        write_plan(plan, tmp_path / "plan.json")
+        assert [head.head for head in read_plan(tmp_path / "plan.json").plan.heads] == [*standing]
