@@ -82,7 +82,7 @@ SIGNALS = {  # of which process
 LOSSY, TWO = "lossy", "two failures"
 PAUSED = "paused"  # by a person, in the place of a second failure
 PHASES = {  # when the second failure comes: seconds of the print behind what at the most
-    "noticing": 100.0, "planning": 6.0, "parking": 40.0, "going on": 200.0,
+    "noticing": 100.0, "planning": 6.0, "parking": 40.0, "going on": 60.0,
 }  # fmt: skip
 PAUSED_S = 60.0
 PERSON_S = 60.0  # after which somebody is there

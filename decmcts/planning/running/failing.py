@@ -26,6 +26,7 @@ from decmcts.planning.running.options import Failure
 from decmcts.planning.running.renewing import Renewal
 from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
+from decmcts.print.print_events import EventKind
 
 SETTLES_S = 3.0 * SILENT_S  # until others hear the agent that is started in its place
 PATIENCE = 3  # times that they may find to one another
@@ -52,6 +53,9 @@ class Failing:
             head = self.team.heads[h]
             if head.controller_gone or head.heard_at < since:
                 self._lose(h, head.controller_gone or HANGS)
+            elif head.failure and self._says_off(h) and (head.agent_gone or head.pulse_at < since):
+                assert head.failure.at is not None
+                self.fence(h, head.failure.at, SILENT)  # with another agent
             elif head.agent_gone:
                 why = f"{AGENT} ({head.agent_gone})"
                 self._lose(h, why)
@@ -72,6 +76,11 @@ class Failing:
         assert head.failure is not None
         head.parks, head.fenced, head.failure.fenced_s = False, False, math.nan  # who knows where
         self.renewal.hold()
+
+    def _says_off(self, h: int) -> bool:
+        """Tell whether its controller's last word is that a head is off; it does not repeat it."""
+        last = self.team.plans[self.team.heads[h].number].last(h)
+        return last is not None and last.kind is EventKind.FAILED
 
     def _is_off(self, h: int) -> bool:
         """Tell whether a head failed before and stands at its park; nothing more is told it."""
@@ -157,6 +166,7 @@ class Failing:
         elif head.agent_gone or why in (BUS, SILENT):
             processes.restart()
             head.replaced, head.agent_gone = not head.agent_gone, ""
+            head.pulse_at = time.monotonic()
             if head.paused:
                 self.team.tell(h, command="pause")
         head.fenced, head.asked, head.failure.at = True, False, at

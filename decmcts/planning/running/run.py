@@ -77,9 +77,14 @@ class RunResult:
         """Length of all that is printed, mm."""
         return sum(carried.printed_mm() for carried in self.plans if carried.is_print)
 
+    @property
+    def prints(self) -> list[Carried]:
+        """The plan, and those that print and that heads began, each of what the last one left."""
+        return [p for p in self.plans if p.is_print and (p.begun or not p.number)]
+
     def logs(self) -> list[EventLog]:
-        """Return the events of each plan that prints."""
-        return [carried.log(self.waits) for carried in self.plans if carried.is_print]
+        """Return the events of each of `prints`."""
+        return [carried.log(self.waits) for carried in self.prints]
 
 
 def run(

@@ -21,6 +21,7 @@ from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.recorded import nearest
 from decmcts.planning.running.renewing import Begin, NotRenewed, Parking, Renewed
+from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind
@@ -377,6 +378,19 @@ def test_what_is_left_out_of_a_plan_that_nobody_begins_counts_once(made: Made, d
     assert desk.renewal.left == ["3 are left"] and desk.renewal.others == ["one"]
 
 
+def test_a_plan_that_nobody_began_is_not_kept(made: Made, desk: Desk) -> None:
+    """Its empty events were written, and a report compared the plans before and behind it."""
+    desk.clog(RIGHT)
+    desk.hold(0, 0)
+    rest = Renewed(desk.begun[-1], made.document, made.source, 0, ())
+    desk.launcher.take(rest)
+    result = RunResult(
+        ("left", "right"), tuple(desk.team.plans), 0.0, 1.0, 0, 0, (), {}, (), (), (), ""
+    )
+    assert len(result.plans) == 2 and [carried.number for carried in result.prints] == [0]
+    assert len(result.logs()) == 1
+
+
 def test_what_was_said_before_heads_were_told_to_hold_once_more_is_past(desk: Desk) -> None:
     """A head may have been released more since."""
     desk.clog(RIGHT)
@@ -426,6 +440,7 @@ def test_a_person_is_asked_of_a_head_that_lost_its_agent_and_its_controller(
     asked, head = asks(desk), desk.team.heads[RIGHT]
     if parks:
         parked(desk)
+        desk.says(RIGHT, Ready(1, ""))
     head.agent_gone = "killed"
     desk.launcher.step()
     assert not asked and desk.team.lost() == [RIGHT]
@@ -446,12 +461,31 @@ def test_a_controller_that_hangs_while_its_agent_cannot_say_so_is_noticed(desk: 
     assert asked == ["right"] and desk.team.failures[0].why == "its controller hangs"
 
 
+@pytest.mark.parametrize("gone", ["killed", ""])
+def test_a_head_that_is_off_gets_another_agent_when_its_own_is_gone_or_hangs(
+    desk: Desk, gone: str
+) -> None:
+    """Its controller does not say that it is off again: the run waited for the agent for ever."""
+    asked, head = asks(desk), desk.team.heads[RIGHT]
+    head.pulse_at = time.monotonic()
+    desk.clog(RIGHT)
+    desk.launcher.step()
+    head.agent_gone, head.pulse_at = gone, head.pulse_at - (0.0 if gone else STARTS_S + 1.0)
+    desk.launcher.step()
+    assert head.parks and head.fenced and not head.agent_gone and not asked
+    assert head.replaced == (not gone) and len(desk.told(LEFT, "hold")) == 2
+    desk.launcher.step()
+    assert len(desk.told(LEFT, "hold")) == 2
+
+
 def test_another_agent_takes_a_head_to_its_park_whose_second_agent_is_lost(desk: Desk) -> None:
     """Its controller says where it stands, so nobody need look."""
     asked, head = asks(desk), desk.team.heads[RIGHT]
     parked(desk)
+    desk.says(RIGHT, Ready(1, ""))
     head.agent_gone = "killed"
     desk.launcher.step()
+    assert desk.team.lost() == [RIGHT]
     desk.says(RIGHT, PrintEvent(EventKind.FAILED, RIGHT, 12.0, NO_ACTION, 0, (210.0, 100.0, 1.0)))
     assert head.fenced and head.parks and not head.agent_gone and not asked
     desk.hold(0, 0)
