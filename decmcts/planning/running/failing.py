@@ -53,9 +53,8 @@ class Failing:
             head = self.team.heads[h]
             if head.controller_gone or head.heard_at < since:
                 self._lose(h, head.controller_gone or HANGS)
-            elif head.failure and self._says_off(h) and (head.agent_gone or head.pulse_at < since):
-                assert head.failure.at is not None
-                self.fence(h, head.failure.at, SILENT)  # with another agent
+            elif self._says_off(h) and (head.agent_gone or head.pulse_at < since):
+                self._start_another_agent(h)
             elif head.agent_gone:
                 why = f"{AGENT} ({head.agent_gone})"
                 self._lose(h, why)
@@ -81,6 +80,12 @@ class Failing:
         """Tell whether its controller's last word is that a head is off; it does not repeat it."""
         last = self.team.plans[self.team.heads[h].number].last(h)
         return last is not None and last.kind is EventKind.FAILED
+
+    def _start_another_agent(self, h: int) -> None:
+        """Have another agent take a head to its park that is off and has not gone there yet."""
+        failure = self.team.heads[h].failure
+        assert failure is not None and failure.at is not None
+        self.fence(h, failure.at, SILENT)
 
     def _is_off(self, h: int) -> bool:
         """Tell whether a head failed before and stands at its park; nothing more is told it."""
@@ -109,7 +114,9 @@ class Failing:
         if worst is None:
             return
         self._settled_at = now
-        if heads[worst].parks:
+        if self._says_off(worst):
+            self._start_another_agent(worst)
+        elif heads[worst].parks:
             self.team.processes[worst].kill()  # it would go on while a person looks
             self._lose(worst, BUS)
         else:
@@ -170,6 +177,7 @@ class Failing:
             if head.paused:
                 self.team.tell(h, command="pause")
         head.fenced, head.asked, head.failure.at = True, False, at
-        head.failure.fenced_s = self.team.clock.now()
+        if math.isnan(head.failure.fenced_s):
+            head.failure.fenced_s = self.team.clock.now()
         self.renewal.unplanned.add(h)
         self.renewal.hold()  # what is planned has this head in it

@@ -222,16 +222,24 @@ def test_a_late_pulse_does_not_have_a_witness_begin_again(desk: Desk) -> None:
     assert witness.is_asked and witness.asked == 1
 
 
-def test_a_head_that_loses_the_bus_on_its_way_to_its_park_is_lost(desk: Desk) -> None:
-    """Nobody would hear that it has parked. It does nothing more while a person looks."""
+@pytest.mark.parametrize("goes", [False, True])
+def test_a_head_that_loses_the_bus_on_its_way_to_its_park_is_lost(desk: Desk, goes: bool) -> None:
+    """Nobody would hear that it has parked. It does nothing more while a person looks.
+
+    Before it goes it only gets another agent: its controller has said where it stands.
+    """
     desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), "clogged")
     desk.launcher.step()
     assert desk.team.heads[RIGHT].parks and desk.team.lost() == []
+    if goes:
+        desk.hold(0, 0)
+        desk.park()
+        desk.says(RIGHT, Ready(1, ""))
     desk.team.witness = Heard(LEFT)  # type: ignore[assignment]
     miss_each_other(desk)
     desk.launcher.step()
-    assert desk.team.lost() == [RIGHT] and not desk.team.heads[RIGHT].parks
-    assert desk.team.processes[RIGHT].is_killed and not desk.team.processes[LEFT].is_killed
+    assert desk.team.lost() == [RIGHT] * goes and desk.team.heads[RIGHT].parks is not goes
+    assert desk.team.processes[RIGHT].is_killed is goes and not desk.team.processes[LEFT].is_killed
 
 
 def test_nothing_is_planned_while_a_head_is_lost(desk: Desk) -> None:
