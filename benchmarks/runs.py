@@ -70,7 +70,7 @@ KEY = ("print", "kind", "number", "limit_s", "speed")
 FIGURES = (
     "heads", "head", "share", "planned_s", "makespan_s", "complete", "unprinted", "contacts",
     "twice", "lost_mm", "clairvoyant", "waiting", "noticed_s", "fenced_s", "on_s", "stood_s",
-    "reason", "second", "wall_s", "error",
+    "reason", "second", "where", "wall_s", "error",
 )  # fmt: skip
 KINDS = ("clog", "agent killed", "controller killed", "controller hangs", "agent hangs", "bus lost")
 SIGNALS = {  # of which process
@@ -336,6 +336,9 @@ def _figures(
         "contacts": result.contacts, "twice": printed_twice(result.plans),
         "lost_mm": round(due - result.printed_mm, 1), "reason": result.reason,
     }  # fmt: skip
+    touched = [contact for near in result.near for contact in near.contacts]
+    if touched:
+        found["where"] = " ".join(str(touched[0]).split())
     if second is not None:
         words = [fault.kind, "then", second.kind, "of", second.head, second.phase]
         found["second"] = " ".join([*words, *["(did not come)"] * (not fault.struck)])

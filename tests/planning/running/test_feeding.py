@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from agents.running.clock import PrintClock
 from decmcts.print.plan import HeadActions, JointPlan
 from decmcts.print.print_events import EventKind
+from sim.controllers import serve
 from sim.controllers.feeding import Feeding, Work
 from tests.planning.replanning.conftest import Made
 
@@ -79,3 +83,18 @@ def test_a_head_without_actions_stays_parked(made: Made) -> None:
     feeding = Feeding(0, work)
     park = made.document.machine.heads[0].park
     assert work.at(0, 1.0) == feeding.at(5.0) == park and list(feeding.step(9.0)) == []
+
+
+def test_what_agents_know_is_on_the_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A controller that was killed between the two let another head enter where it still stood."""
+    written = list[int]()
+
+    def write(descriptor: int, _: bytes) -> bool:
+        written.append(descriptor)
+        return True
+
+    monkeypatch.setattr(serve, "write_all", write)
+    PrintClock.made(tmp_path / "clock", 1.0)
+    controller = serve.Controller(Namespace(clock=tmp_path / "clock", record=7))
+    controller._say(b"something")
+    assert written == [7, 1]
