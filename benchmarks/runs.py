@@ -197,10 +197,10 @@ class Fault:
         team = self.launcher.team
         process, number = SIGNALS[kind]
         processes = team.processes[[each.name for each in team.heads].index(head)]
-        if process == "controller" and kind != "clog":
-            self.dead_s.setdefault(head, self.now_s)
         with suppress(ProcessLookupError):
             os.kill(processes.agent.pid if process == "agent" else processes.controller_pid, number)
+        if process == "controller" and kind != "clog":  # not before: it may have gone on since
+            self.dead_s.setdefault(head, self.now_s)
 
     def _strike_again(self) -> None:
         """Have the second failure come when it is its time."""
