@@ -5,16 +5,16 @@
 
 Prints: `towers:N` are four small towers for each of N heads on one rail, `slab` is one block that
 two heads share, `part:N` a plate with holes for N heads, `plate` ships with the project; other
-names are plates of the corpus. Every failure has a
-kind, a head and a moment drawn from its number. In runs of two failures the second comes once the
-first is there, while the rest is planned, while heads park, or while they print the new plan; it is
-another head's in three of four, and one in seven is a person who pauses a head for 60 s.
-60 s of the print after a controller was lost, or
-after the rest could not be planned, a person says that a head is off and where it stopped. The
-person has put it to its park where no other head stood in the way.
-Clairvoyant: when the print had ended had the rest been planned at once at the moment of the
-failure, with no time for noticing and planning. Writes docs/results/runs.csv (resumable) and
-runs.md.
+names are plates of the corpus. Every failure has a kind, a head and a moment drawn from its
+number. In runs of two failures the second comes once the first is there, while the rest is
+planned, while heads park, or while they print the new plan; it is another head's in three of
+four, and one in seven is a person who pauses a head for 60 s.
+
+60 s of the print after a controller was lost, or after the rest could not be planned, a person
+says that a head is off and where it stopped. The person has put it to its park where no other
+head stood in the way. Clairvoyant: when the print had ended had the rest been planned at once at
+the moment of the failure, with no time for noticing and planning. A run that does not end within
+10 min is ended. Writes docs/results/runs.csv (resumable) and runs.md.
 """
 
 from __future__ import annotations
