@@ -71,6 +71,26 @@ def test_a_wait_costs_no_time_that_was_not_waited(feeding: Feeding) -> None:
     assert began.time_s >= max(free_s, 100.0)
 
 
+@pytest.mark.parametrize("how", ["released", "resumed"])
+def test_nothing_begins_before_it_may_however_late_a_controller_is(
+    feeding: Feeding, how: str
+) -> None:
+    """On a busy machine it hears that it may go on before it has said that the last action ended.
+
+    It had begun at that end: before the other head was out of the way, and they touched.
+    """
+    feeding.release(1 if how == "released" else 2, 0.0)
+    next(feeding.step(1.0))
+    assert feeding.begun
+    if how == "released":
+        feeding.release(2, 5e5)
+    else:
+        feeding.pause()
+        feeding.resume(5e5)
+    second = [event for event in feeding.step(1e6) if event.action == 1]
+    assert second[0].kind is EventKind.BEGAN and second[0].time_s >= 5e5
+
+
 def test_a_head_without_actions_stays_parked(made: Made) -> None:
     """The rest of a print may leave a head nothing to do."""
     empty = HeadActions(
