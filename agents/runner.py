@@ -90,11 +90,12 @@ class Runner:
                 # Large plans take seconds, in which others must hear of us.
                 args = (self.limits, number, path, tuple(heads))
                 threading.Thread(target=self._load, args=args, daemon=True).start()
-            case {"command": "hold"}:
+            case {"command": "hold", "count": count}:
                 carrier.hold()
                 self._speak()
+                number, released = carrier.holds
                 self.front.write(
-                    {"event": "held", "number": carrier.number, "released": carrier.released}
+                    {"event": "held", "count": count, "number": number, "released": released}
                 )
             case {"command": "limit", "number": number, "until": until}:
                 self.limits += 1

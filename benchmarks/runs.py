@@ -1,17 +1,20 @@
 """Prints carried out by real processes while heads fail at random moments, and over lossy networks.
 
-    python benchmarks/runs.py [--prints plate,part:2,…] [--failures 200] [--lossy 50]
+    python benchmarks/runs.py [--prints plate,part:2,…] [--failures 200] [--two 60] [--lossy 50]
         [--time-limit 3] [--speed 100]
 
 Prints: `towers:N` are four small towers for each of N heads on one rail, `slab` is one block that
 two heads share, `part:N` a plate with holes for N heads, `plate` ships with the project; other
-names are plates of the corpus. Every failure has a
-kind, a head and a moment drawn from its number. 60 s of the print after a controller was lost, or
-after the rest could not be planned, a person says that a head is off and where it stopped. The
-person has put it to its park where no other head stood in the way.
-Clairvoyant: when the print had ended had the rest been planned at once at the moment of the
-failure, with no time for noticing and planning. Writes docs/results/runs.csv (resumable) and
-runs.md.
+names are plates of the corpus. Every failure has a kind, a head and a moment drawn from its
+number. In runs of two failures the second comes once the first is there, while the rest is
+planned, while heads park, or while they print the new plan; it is another head's in three of
+four, and one in seven is a person who pauses a head for 60 s.
+
+60 s of the print after a controller was lost, or after the rest could not be planned, a person
+says that a head is off and where it stopped. The person has put it to its park where no other
+head stood in the way. Clairvoyant: when the print had ended had the rest been planned at once at
+the moment of the failure, with no time for noticing and planning. A run that does not end within
+10 min is ended. Writes docs/results/runs.csv (resumable) and runs.md.
 """
 
 from __future__ import annotations
@@ -25,8 +28,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -66,7 +70,7 @@ KEY = ("print", "kind", "number", "limit_s", "speed")
 FIGURES = (
     "heads", "head", "share", "planned_s", "makespan_s", "complete", "unprinted", "contacts",
     "twice", "lost_mm", "clairvoyant", "waiting", "noticed_s", "fenced_s", "on_s", "stood_s",
-    "reason", "wall_s", "error",
+    "reason", "second", "where", "wall_s", "error",
 )  # fmt: skip
 KINDS = ("clog", "agent killed", "controller killed", "controller hangs", "agent hangs", "bus lost")
 SIGNALS = {  # of which process
@@ -75,10 +79,16 @@ SIGNALS = {  # of which process
     "controller hangs": ("controller", signal.SIGSTOP), "agent hangs": ("agent", signal.SIGSTOP),
     "bus lost": ("agent", signal.SIGUSR2),
 }  # fmt: skip
-LOSSY = "lossy"
+LOSSY, TWO = "lossy", "two failures"
+PAUSED = "paused"  # by a person, in the place of a second failure
+PHASES = {  # when the second failure comes: seconds of the print behind what at the most
+    "noticing": 100.0, "planning": 6.0, "parking": 40.0, "going on": 60.0,
+}  # fmt: skip
+PAUSED_S = 60.0
 PERSON_S = 60.0  # after which somebody is there
 BESIDE_MM = 80.0  # from another head, where a head is not moved past
-MOST_ASKED = 3  # times that person says where a head stands
+MOST_ASKED = 3  # times that person says where a head stands, for each failure
+MOST_WALL_S = 600.0  # that a run may take
 REPAIR_S = 1800.0  # after which a person who repairs has done so
 LOSS, DELAY_S = 0.2, 0.5
 ROWS_MM = (100.0, 145.0)
@@ -118,33 +128,52 @@ def _without_skirt(text: str) -> str:
     return text[:begin] + text[text.index(";LAYER_CHANGE", begin) :]
 
 
-class Fault:
-    """What goes wrong once in a run, and the person who comes then."""
+@dataclass(frozen=True)
+class Second:
+    """What goes wrong behind a first failure."""
 
-    def __init__(self, kind: str, head: str, at_s: float) -> None:
-        self.kind, self.head, self.at_s = kind, head, at_s
+    kind: str
+    head: str
+    phase: str
+    behind_s: float
+
+
+class Fault:
+    """What goes wrong in a run, and the person who comes then."""
+
+    def __init__(self, kind: str, head: str, at_s: float, second: Second | None = None) -> None:
+        self.kind, self.head, self.at_s, self.second = kind, head, at_s, second
         self.asked: queue.Queue[str | None] = queue.Queue()
-        self.refused, self.whom = threading.Event(), head
-        self.over = threading.Event()
-        self.pids: Mapping[str, tuple[int, int]] = {}
+        self.calls: queue.Queue[str] = queue.Queue()  # heads a person is to look at; "": all
+        self.dead_s: dict[str, float] = {}  # when a controller died
+        self.over, self.struck, self.is_late = threading.Event(), False, False
         self.launcher: Launcher | None = None
 
     def report(self, event: Event) -> None:
         """Take a note of the run."""
-        asks = "is not planned", "say `fenced"
-        if isinstance(event, Note) and any(words in event.text for words in asks):
-            self.whom = self.head if asks[0] in event.text else event.text.partition(":")[0]
-            self.refused.set()
+        if isinstance(event, Note) and "is not planned" in event.text:
+            self.calls.put("")
+        if isinstance(event, Note) and "say `fenced" in event.text:
+            self.calls.put(event.text.partition(":")[0])
 
-    def start(self, pids: Mapping[str, tuple[int, int]]) -> None:
+    def start(self, _pids: Mapping[str, tuple[int, int]]) -> None:
         """Begin to wait for the moment."""
-        self.pids = pids
-        threading.Thread(target=self._work, daemon=True).start()
+        for work in self._work, self._strike_again, self._watch:
+            threading.Thread(target=work, daemon=True).start()
+
+    @property
+    def now_s(self) -> float:
+        """Time of the print."""
+        assert self.launcher is not None
+        return self.launcher.team.clock.now()
 
     def until(self, time_s: float) -> bool:
         """Wait for a time of the print; False if the run ended before."""
-        assert self.launcher is not None
-        while self.launcher.team.clock.now() < time_s:
+        return self.until_it(lambda: self.now_s >= time_s)
+
+    def until_it(self, holds: Callable[[], bool]) -> bool:
+        """Wait until something is so; False if the run ended before."""
+        while not holds():
             if self.over.wait(0.005):
                 return False
         return True
@@ -153,39 +182,84 @@ class Fault:
         if self.kind == LOSSY or not self.until(self.at_s):
             self.asked.put(None)
             return
-        process, number = SIGNALS[self.kind]
-        agent, controller = self.pids[self.head]
-        os.kill(agent if process == "agent" else controller, number)
-        for _ in range(MOST_ASKED):  # what cannot be planned then is left
-            while not self.over.wait(0.01) and not self.refused.is_set():
-                pass
-            if self.refused.is_set():
-                assert self.launcher is not None
-                self.refused.clear()
-                self.until(self.launcher.team.clock.now() + PERSON_S)
-                self.asked.put(self.words())
+        self.strike(self.kind, self.head)
+        for _ in range(MOST_ASKED * (1 + (self.second is not None))):  # what is left then is left
+            if not self.until_it(lambda: not self.calls.empty()):
+                break
+            whom = self.calls.get()
+            self.until(self.now_s + PERSON_S)
+            self.asked.put(self.words(whom))
         self.asked.put(None)
 
-    def words(self) -> str:
-        """Return what the person says: where the head stopped, and whether it was put to its park.
+    def strike(self, kind: str, head: str) -> None:
+        """Have a head fail."""
+        assert self.launcher is not None
+        team = self.launcher.team
+        process, number = SIGNALS[kind]
+        processes = team.processes[[each.name for each in team.heads].index(head)]
+        with suppress(ProcessLookupError):
+            os.kill(processes.agent.pid if process == "agent" else processes.controller_pid, number)
+        if process == "controller" and kind != "clog":  # not before: it may have gone on since
+            self.dead_s.setdefault(head, self.now_s)
 
-        It stopped where it was when it failed, or, asked of later, where it was seen last.
+    def _strike_again(self) -> None:
+        """Have the second failure come when it is its time."""
+        second = self.second
+        if second is None or not self.until(self.at_s):
+            return
+        assert self.launcher is not None
+        team, renewal = self.launcher.team, self.launcher.renewal
+        ready = {
+            "noticing": lambda: True,
+            "planning": lambda: bool(team.failures) and renewal.is_busy,
+            "parking": lambda: any(not each.is_print for each in list(team.plans)),
+            "going on": lambda: any(each.is_print and each.events for each in list(team.plans)[1:]),
+        }  # fmt: skip
+        if not self.until_it(ready[second.phase]) or not self.until(self.now_s + second.behind_s):
+            return
+        self.struck = True
+        if second.kind != PAUSED:
+            self.strike(second.kind, second.head)
+            return
+        self.asked.put(f"pause {second.head}")
+        self.until(self.now_s + PAUSED_S)
+        self.asked.put(f"resume {second.head}")
+
+    def _watch(self) -> None:
+        """End a run that does not end."""
+        if self.over.wait(MOST_WALL_S):
+            return
+        assert self.launcher is not None
+        self.is_late = True
+        for processes in self.launcher.team.processes:
+            with suppress(ProcessLookupError):
+                os.kill(processes.controller_pid, signal.SIGKILL)
+
+    def words(self, whom: str) -> str:
+        """Return what the person says: where a head stopped, and whether it was put to its park.
+
+        It stopped where it was when its controller died, or where that said, or where it is.
         """
         launcher = self.launcher
         assert launcher is not None
-        machine = launcher.document.machine
-        names = [head.name for head in launcher.team.heads]
-        places = {name: place_at(launcher, h, math.inf) for h, name in enumerate(names)}
-        failed_s = self.at_s if self.whom == self.head else math.inf
-        stopped = place_at(launcher, names.index(self.whom), failed_s)
-        park = machine.head(self.whom).park
+        machine, team = launcher.document.machine, launcher.team
+        names = [head.name for head in team.heads]
+        failed = [names.index(failure.head) for failure in team.failures]
+        away = [h for h in failed if not team.is_parked(h)] or failed
+        h = names.index(whom) if whom else away[0]
+        whom, failure = names[h], team.heads[h].failure
+        places = {name: place_at(launcher, k, math.inf) for k, name in enumerate(names)}
+        stopped = place_at(launcher, h, self.dead_s.get(whom, self.now_s))
+        if team.heads[h].fenced and failure is not None and failure.at is not None:
+            stopped = failure.at
+        park = machine.head(whom).park
         low, high = sorted((stopped[0], park[0]))
         is_free = all(
             not low - BESIDE_MM < x < high + BESIDE_MM
-            for name, (x, _, _) in places.items() if name != self.whom
+            for name, (x, _, _) in places.items() if name != whom
         )  # fmt: skip
         where = ",".join(f"{v:.3f}" for v in stopped)
-        return f"fenced {self.whom} {'park ' * is_free}{where}"
+        return f"fenced {whom} {'park ' * is_free}{where}"
 
 
 def place_at(launcher: Launcher, h: int, time_s: float) -> Point:
@@ -206,13 +280,27 @@ def place_at(launcher: Launcher, h: int, time_s: float) -> Point:
     return axes[0], axes[1], axes[2]
 
 
+def fault_of(key: dict[str, Any], document: PlanDocument) -> Fault:
+    """Return what goes wrong in a run, by its number."""
+    kind, n = key["kind"], int(key["number"])
+    rng = np.random.default_rng([n, (*KINDS, LOSSY, TWO).index(kind)])
+    heads = [head.head for head in document.plan.heads]
+    head, share = heads[int(rng.integers(len(heads)))], float(rng.uniform(0.02, 0.95))
+    at_s = share * document.plan.makespan_s
+    if kind != TWO:
+        return Fault(kind, head, at_s)
+    kind = str(rng.choice(KINDS))
+    again, phase = str(rng.choice([*KINDS, PAUSED])), str(rng.choice(list(PHASES)))
+    others = [each for each in heads if each != head]
+    whom = head if rng.uniform() < 0.25 else str(rng.choice(others))
+    behind_s = float(rng.uniform(0.0, PHASES[phase]))
+    return Fault(kind, head, at_s, Second(again, whom, phase, behind_s))
+
+
 def run(key: dict[str, Any]) -> dict[str, Any]:
     """Carry a plan out, with its fault."""
     document, source = planned(key["print"], key["limit_s"])
-    rng = np.random.default_rng([key["number"], (*KINDS, LOSSY).index(key["kind"])])
-    head = document.plan.heads[int(rng.integers(len(document.plan.heads)))].head
-    share = float(rng.uniform(0.02, 0.95))
-    fault = Fault(key["kind"], head, share * document.plan.makespan_s)
+    fault = fault_of(key, document)
     lossy = key["kind"] == LOSSY
     options = RunOptions(
         key["speed"], seed=key["number"], loss=LOSS if lossy else 0.0,
@@ -229,22 +317,31 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
     finally:
         fault.over.set()
     wall = time.perf_counter() - began
-    return {**key, **_figures(document, source, result, key, head, share), "wall_s": round(wall, 1)}
+    return {
+        **key, **_figures(document, source, result, key, fault), "wall_s": round(wall, 1),
+        "error": f"did not end within {MOST_WALL_S:g} s" if fault.is_late else "",
+    }  # fmt: skip
 
 
 def _figures(
-    document: PlanDocument, source: Source, result: RunResult, key: dict[str, Any], head: str,
-    share: float,
-) -> dict[str, Any]:  # fmt: skip
-    due = _length(document)
+    document: PlanDocument, source: Source, result: RunResult, key: dict[str, Any], fault: Fault
+) -> dict[str, Any]:
+    due, second = _length(document), fault.second
     found: dict[str, Any] = {
         **dict.fromkeys(FIGURES, ""),
-        "heads": len(document.plan.heads), "head": head, "share": round(share, 3),
+        "heads": len(document.plan.heads), "head": fault.head,
+        "share": round(fault.at_s / document.plan.makespan_s, 3),
         "planned_s": round(result.planned_s, 1), "makespan_s": round(result.makespan_s, 1),
         "complete": int(result.unprinted == 0 and not result.left), "unprinted": result.unprinted,
         "contacts": result.contacts, "twice": printed_twice(result.plans),
         "lost_mm": round(due - result.printed_mm, 1), "reason": result.reason,
     }  # fmt: skip
+    touched = [contact for near in result.near for contact in near.contacts]
+    if touched:
+        found["where"] = " ".join(str(touched[0]).split())
+    if second is not None:
+        words = [fault.kind, "then", second.kind, "of", second.head, second.phase]
+        found["second"] = " ".join([*words, *["(did not come)"] * (not fault.struck)])
     if key["kind"] == LOSSY:
         return {**found, "clairvoyant": round(result.makespan_s / result.planned_s, 4)}
     if not result.failures:
@@ -253,10 +350,10 @@ def _figures(
     for name in ("noticed_s", "fenced_s", "on_s"):
         found[name] = round(getattr(failure, name) - failure.at_s, 2)
     found["stood_s"] = round(failure.stood_s, 2)
-    ended = clairvoyant_s(document, source, result, key)
+    ended = None if second is not None else clairvoyant_s(document, source, result, key)
     if ended is not None and not result.unprinted:
         found["clairvoyant"] = round(result.makespan_s / ended, 4)
-    if not result.unprinted:
+    if not result.unprinted and second is None:
         found["waiting"] = round(result.makespan_s / (result.planned_s + REPAIR_S), 4)
     return found
 
@@ -337,6 +434,12 @@ far it came, or what no living head can print. Where a person said at which poin
 had stopped, some mm are missing or twice: this benchmark's person reads it off the plan's times.
 
 {failures}
+## Two failures in one run
+
+The second comes once the first is there, while the rest is planned, while heads park, or while they
+print the new plan; of {same} runs it is the same head's.
+
+{two}
 ## Over lossy networks
 
 {loss:.0%} of all messages lost, the others up to {delay} s of the print late, a tenth doubled.
@@ -349,9 +452,12 @@ had stopped, some mm are missing or twice: this benchmark's person reads it off 
 def report(rows: Rows, said: str) -> str:
     """Return the page."""
     lossy = [row for row in rows.rows if row["kind"] == LOSSY]
-    failures = [row for row in rows.rows if row["kind"] != LOSSY]
+    two = [row for row in rows.rows if row["kind"] == TWO]
+    failures = [row for row in rows.rows if row["kind"] not in (LOSSY, TWO)]
     return PAGE.format(
         said=said, failures=table(failures) if failures else "", loss=LOSS, delay=DELAY_S,
+        two=table(two) if two else "",
+        same=sum(f" of {row['head']} " in (row["second"] or "") for row in two),
         lossy=table(lossy) if lossy else "", failed=rows.failures(),
     )  # fmt: skip
 
@@ -360,6 +466,7 @@ def main() -> None:
     parser = arguments(__doc__, time_limit=3.0, models="")
     parser.add_argument("--prints", type=names, default=names(PRINTS))
     parser.add_argument("--failures", type=int, default=200)
+    parser.add_argument("--two", type=int, default=60, help="runs of two failures")
     parser.add_argument("--lossy", type=int, default=50)
     parser.add_argument("--speed", type=float, default=100.0)
     options: argparse.Namespace = parser.parse_args()
@@ -367,6 +474,7 @@ def main() -> None:
     prints, kinds = options.prints, len(KINDS)
     todo = [(prints[n % len(prints)], KINDS[n // len(prints) % kinds], n)
             for n in range(options.failures)]  # fmt: skip
+    todo += [(prints[n % len(prints)], TWO, n) for n in range(options.two)]
     todo += [(prints[n % len(prints)], LOSSY, n) for n in range(options.lossy)]
     limits = options.time_limit, options.speed
     if not options.table_only:

@@ -145,6 +145,11 @@ class Carrier:
         return None if held is None else held.of(self.head)
 
     @property
+    def holds(self) -> tuple[int, int]:
+        """The plan the controller holds or is taking up, and how much of it is released."""
+        return (self.number, self.released) if self._starting is None else (self._starting[0], 0)
+
+    @property
     def is_starting(self) -> bool:
         """Whether the controller is taking up a plan."""
         return self._starting is not None
@@ -165,7 +170,7 @@ class Carrier:
         """Return what the controller is to be told at a time of the print."""
         found, self.out = self.out, []
         following = self._next()
-        free = self.number < 0 or self.done or self.off
+        free = (self.number < 0 or self.done or self.off) and not self.holding
         if following is not None and free and self._starting is None:
             self._starting = (following.number, following.digest)
             found.append(Start(following.number, following.path, following.digest))

@@ -28,6 +28,7 @@ ABORTED = "aborted"  # why a head failed that is not to move any more
 SILENT = "its agent is silent"
 ALIVE_S = 0.1  # so often both sides say that they live
 SILENT_S = 3.0  # and after so long without a word the other counts as gone
+STARTS_S = 60.0  # that a controller may take to take up a plan
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,6 +124,8 @@ class Feeding:
     off: bool = False
     action: int = 0
     begin_s: float = math.nan  # of the action's first move; NaN: it has not begun
+    _since: list[float] = field(default_factory=list)  # when each action was released
+    _resumed_s: float = -math.inf  # when it was told to go on last
     _due: list[PrintEvent] = field(default_factory=list)  # of the action, not reported yet
 
     @property
@@ -133,10 +135,9 @@ class Feeding:
 
     def release(self, until: int, now_s: float) -> None:
         """Let actions below `until` be carried out."""
-        if until > self.released:
-            if not self.begun and self.released <= self.action:  # it stood
-                self.free_s = max(self.free_s, now_s)
-            self.released = min(until, len(self.work))
+        more = min(until, len(self.work)) - self.released
+        self._since += [now_s] * more
+        self.released += max(more, 0)
 
     def pause(self) -> None:
         """Stand at the end of the action that has begun."""
@@ -144,8 +145,8 @@ class Feeding:
 
     def resume(self, now_s: float) -> None:
         """Go on."""
-        if self.paused and not self.begun:
-            self.free_s = max(self.free_s, now_s)
+        if self.paused:
+            self._resumed_s = now_s
         self.paused = False
 
     def end(self, why: str) -> None:
@@ -181,7 +182,9 @@ class Feeding:
         """Begin the next action if it is released and it is time; tell whether it has begun."""
         if self.action >= self.released or self.paused or self.ending or self.free_s > now_s:
             return False
-        self.begin_s = self.free_s + float(self.work.before_s[self.action])
+        # It may be told to go on before it was asked whether the last action has ended.
+        free_s = max(self.free_s, self._since[self.action], self._resumed_s)
+        self.begin_s = free_s + float(self.work.before_s[self.action])
         self._due = self.work.events(self.action, self.head, self.begin_s)
         return True
 

@@ -133,10 +133,13 @@ class Controller:
         self.feeding.paused = self.paused
 
     def _say(self, content: bytes) -> None:
-        """Tell agent and launcher; who is gone hears nothing."""
+        """Tell launcher and agent; who is gone hears nothing.
+
+        The record comes first: what other heads act upon is on it, whenever this process is killed.
+        """
         if content:
-            write_all(1, content)
             write_all(self.given.record, content)
+            write_all(1, content)
 
 
 def main() -> None:

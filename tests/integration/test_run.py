@@ -207,6 +207,47 @@ def test_a_lost_controller_that_nobody_fences_ends_the_run(made: Made) -> None:
     nobody_enters(replace(result, failures=(replace(result.failures[0], fenced_s=float("inf")),)))
 
 
+def test_a_head_may_fail_in_two_ways(made: Made) -> None:
+    """Its agent is killed, and before its controller has said where it stands that is killed too.
+
+    Nobody was asked where the head is, and the run waited for ever.
+    """
+
+    def happens(trial: Trial, agent: int, controller: int) -> None:
+        os.kill(controller, signal.SIGSTOP)  # it says nothing any more
+        os.kill(agent, signal.SIGKILL)
+        assert trial.failed.wait(30.0)
+        os.kill(controller, signal.SIGKILL)
+        assert trial.launcher is not None
+        trial.until(trial.launcher.team.clock.now() + 20.0)
+        trial.asked.put("fenced right park")
+
+    trial = Trial(happens)
+    result = trial.run(made, RunOptions(SPEED, replan_s=0.5))
+    assert any("say `fenced right" in note for note in trial.notes)
+    assert result.unprinted == 0 and result.contacts == 0 and printed_twice(result.plans) == 0
+    nobody_enters(result)
+
+
+@pytest.mark.parametrize(
+    ("fault", "at_s"), [("agent killed", 1.0), pytest.param("clogged", 9.0, marks=pytest.mark.long)]
+)
+def test_a_run_ends_when_no_head_works_any_more(made: Made, fault: str, at_s: float) -> None:
+    """The other head fails too, before the rest is planned or on its way to its park."""
+
+    def happens(trial: Trial, agent: int, controller: int) -> None:
+        FAULTS[fault](trial, agent, controller)
+        assert trial.launcher is not None
+        trial.until(trial.launcher.team.clock.now() + at_s)
+        left = trial.launcher.team.processes[0]
+        FAULTS[fault](trial, left.agent.pid, left.controller_pid)
+
+    result = Trial(happens).run(made, RunOptions(SPEED, replan_s=0.5))
+    assert len(result.failures) == 2 and result.contacts == 0
+    assert not result.complete and result.unprinted > 0
+    assert "no head works any more" in result.reason
+
+
 def test_loss_and_delay_cost_time_only(made: Made) -> None:
     """A fifth of the messages is lost, the others come up to half a second late."""
     options = RunOptions(SPEED, loss=0.2, delay_s=0.5, seed=3)

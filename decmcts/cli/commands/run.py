@@ -209,8 +209,7 @@ def _lines() -> Queue[str | None]:
 
 def _write_events(result: RunResult, path: Path) -> None:
     """Write a stream for each plan that prints; behind the first with the plan itself."""
-    prints = [carried for carried in result.plans if carried.is_print]
-    for k, (carried, log) in enumerate(zip(prints, result.logs(), strict=True)):
+    for k, (carried, log) in enumerate(zip(result.prints, result.logs(), strict=True)):
         place = path if k == 0 else path.with_name(f"{path.stem}-rest{k}{path.suffix}")
         put(stream_of(log), place)
         if k:
@@ -221,8 +220,7 @@ def _write_report(result: RunResult, document: PlanDocument, plan: Path, out: Pa
     """Write the page of a run, with what was planned anew in it."""
     from sim.pictures.report import Anew, write_run_report  # it loads for those who ask
 
-    prints = [carried for carried in result.plans if carried.is_print]
-    first, *later = map(Anew, (carried.document for carried in prints), result.logs())
+    first, *later = map(Anew, (carried.document for carried in result.prints), result.logs())
     write_run_report(
         out, document, first.log, file=plan.name, contacts=result.contacts, anew=later,
         in_the_end=result.contours - result.unprinted if later else None,
@@ -240,7 +238,7 @@ def figures(result: RunResult) -> dict[str, Any]:
         "contours": result.contours,
         "unprinted": result.unprinted,
         "beads_mm": result.printed_mm,
-        "plans": sum(carried.is_print for carried in result.plans),
+        "plans": len(result.prints),
         "failures": [
             {
                 "head": f.head, "why": f.why, "at_s": f.at_s, "noticed_s": f.noticed_s,

@@ -53,7 +53,7 @@ class Asking:
                 return
             case [("pause" | "resume" | "abort") as word]:
                 self.aborted |= word == "abort"
-                for h in self.team.living():
+                for h in self.team.listening():
                     self._ask(h, word)
             case [("pause" | "resume" | "abort") as word, name]:
                 self._ask(self._named(name), word)
@@ -68,7 +68,7 @@ class Asking:
                 )  # fmt: skip
 
     def _ask(self, h: int, word: str) -> None:
-        if self.team.heads[h].failure is None:
+        if h in self.team.listening():
             self.team.tell(h, command=word, **({"why": "aborted"} if word == "abort" else {}))
 
     def _named(self, name: str) -> int:

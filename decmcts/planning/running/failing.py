@@ -10,8 +10,8 @@
 A head that fails is *lost* until it is *fenced*: by its controller's word, or a person's. Only then
 is it sure that it does nothing any more, and the rest is planned without it (`renewing`). A head
 whose controller lives goes to its park by a plan; where its agent is gone, another is started for
-that. One that fails on that path is lost again. One that a person aborts, or fences, stays where it
-is: its processes are ended.
+that. One that fails on that path is lost again, and one that stands at its park may fail as it
+likes. One that a person aborts, or fences, stays where it is: its processes are ended.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ import math
 import time
 from dataclasses import dataclass
 
-from agents.running.port import ABORTED, SILENT, SILENT_S
+from agents.running.port import ABORTED, SILENT, SILENT_S, STARTS_S
 from decmcts.planning.events import Note
 from decmcts.planning.running.options import Failure
 from decmcts.planning.running.renewing import Renewal
 from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
+from decmcts.print.print_events import EventKind
 
 SETTLES_S = 3.0 * SILENT_S  # until others hear the agent that is started in its place
 PATIENCE = 3  # times that they may find to one another
-AGENT, BUS = "its agent was lost", "it lost the bus"
+AGENT, BUS, HANGS = "its agent was lost", "it lost the bus", "its controller hangs"
 PERSON = (
     "say `fenced {name} X,Y,Z` once it is sure to be off, or `fenced {name} park X,Y,Z` if you "
     "have put it to its park: X,Y,Z is where it had stopped"
@@ -47,33 +48,53 @@ class Failing:
 
     def find(self) -> None:
         """Take in which processes are gone, of heads that work and of those that park."""
-        for h, head in enumerate(self.team.heads):
-            if head.parks and (head.controller_gone or head.agent_gone):
-                self._fail_to_park(h)
-        for h in self.team.living():
+        since = time.monotonic() - STARTS_S
+        for h in self.team.listening():
             head = self.team.heads[h]
-            if head.controller_gone:
-                self.fail(h, head.controller_gone)
-                self._ask_a_person(h)
+            if head.controller_gone or head.heard_at < since:
+                self._lose(h, head.controller_gone or HANGS)
+            elif self._says_off(h) and (head.agent_gone or head.pulse_at < since):
+                self._start_another_agent(h)
             elif head.agent_gone:
-                self.fail(h, f"{AGENT} ({head.agent_gone})")
-                self.team.processes[h].finish(f"{AGENT} ({head.agent_gone})")
+                why = f"{AGENT} ({head.agent_gone})"
+                self._lose(h, why)
+                self.team.processes[h].finish(why)
+        for h in self.team.lost():
+            head = self.team.heads[h]
+            if not head.asked and (head.controller_gone or head.heard_at < since):
+                head.asked = True
+                self.team.report(Note(f"{head.name}: {PERSON.format(name=head.name)}"))
         self._settle_missing()
 
-    def _fail_to_park(self, h: int) -> None:
-        """Take in that a head that failed goes no further to its park."""
+    def _lose(self, h: int, why: str) -> None:
+        """Take in that a head goes no further with its print, or to its park."""
         head = self.team.heads[h]
-        head.parks = False
-        if self.team.is_parked(h):
-            self.team.tell_fenced(self.team.last_of(h), h)
+        if self._is_off(h):
             return
-        head.fenced = False  # it stands who knows where
-        self.renewal.drop()
-        self._ask_a_person(h)
+        self.fail(h, why)
+        assert head.failure is not None
+        head.parks, head.fenced, head.failure.fenced_s = False, False, math.nan  # who knows where
+        self.renewal.hold()
 
-    def _ask_a_person(self, h: int) -> None:
-        name = self.team.heads[h].name
-        self.team.report(Note(f"{name}: {PERSON.format(name=name)}"))
+    def _says_off(self, h: int) -> bool:
+        """Tell whether its controller's last word is that a head is off; it does not repeat it."""
+        last = self.team.plans[self.team.heads[h].number].last(h)
+        return last is not None and last.kind is EventKind.FAILED
+
+    def _start_another_agent(self, h: int) -> None:
+        """Have another agent take a head to its park that is off and has not gone there yet."""
+        failure = self.team.heads[h].failure
+        assert failure is not None and failure.at is not None
+        self.fence(h, failure.at, SILENT)
+
+    def _is_off(self, h: int) -> bool:
+        """Tell whether a head failed before and stands at its park; nothing more is told it."""
+        head = self.team.heads[h]
+        if not head.fenced or not self.team.is_parked(h):
+            return False
+        head.parks = False
+        self.team.tell_fenced(self.team.last_of(h), h)
+        return True
 
     def _settle_missing(self) -> None:
         """Have a head stop that the others do not hear although its process lives: its bus is."""
@@ -93,9 +114,11 @@ class Failing:
         if worst is None:
             return
         self._settled_at = now
-        if heads[worst].parks:
+        if self._says_off(worst):
+            self._start_another_agent(worst)
+        elif heads[worst].parks:
             self.team.processes[worst].kill()  # it would go on while a person looks
-            self._fail_to_park(worst)
+            self._lose(worst, BUS)
         else:
             self.team.tell(worst, command="abort", why=BUS)
 
@@ -142,13 +165,19 @@ class Failing:
         """Make sure that a head does nothing any more but go to its park, if it can do that."""
         head, processes = self.team.heads[h], self.team.processes[h]
         assert head.failure is not None
+        if why != ABORTED and self._is_off(h):
+            return
         head.parks = why != ABORTED
         if not head.parks:
             processes.kill()
         elif head.agent_gone or why in (BUS, SILENT):
             processes.restart()
             head.replaced, head.agent_gone = not head.agent_gone, ""
-        head.fenced, head.failure.at = True, at
-        head.failure.fenced_s = self.team.clock.now()
+            head.pulse_at = time.monotonic()
+            if head.paused:
+                self.team.tell(h, command="pause")
+        head.fenced, head.asked, head.failure.at = True, False, at
+        if math.isnan(head.failure.fenced_s):
+            head.failure.fenced_s = self.team.clock.now()
         self.renewal.unplanned.add(h)
-        self.renewal.drop()  # what is planned has this head in it
+        self.renewal.hold()  # what is planned has this head in it

@@ -144,8 +144,9 @@ class Launcher:
         A faster clock would count the seconds of this computer many times.
         """
         team, last = self.team, self.team.plans[-1]
-        takes_up = last.number > 0 and all(team.has_done(h, last.number) for h in team.living())
-        begun = last.events or not last.is_print
+        is_new = last.number > 0 and not last.is_void
+        takes_up = is_new and all(team.has_done(h, last.number) for h in team.living())
+        begun = last.begun or not last.is_print
         real = self.renewal.is_busy or (takes_up and not begun)
         pace = min(1.0, self.options.speed) if real else self.options.speed
         if pace != team.clock.pace:
@@ -177,6 +178,7 @@ class Launcher:
 
     def _take_record(self, item: Recorded) -> None:
         head = self.team.heads[item.head]
+        head.heard_at = time.monotonic()
         match item.statement:
             case None:
                 head.controller_gone = head.controller_gone or "its controller ended"
@@ -223,8 +225,8 @@ class Launcher:
             case {"event": "stands"} as line:
                 head.paused, head.waits_for = bool(line["paused"]), line["waits_for"]
                 head.missing = tuple(line["missing"])
-            case {"event": "held", "number": number, "released": released}:
-                self.renewal.held[item.head] = (number, released)
+            case {"event": "held", "count": count, "number": number, "released": released}:
+                self.renewal.take_held(item.head, count, number, released)
             case {"event": "controller", "how": how}:
                 head.controller_gone = head.controller_gone or f"its controller {how}"
 

@@ -1,4 +1,7 @@
-"""A plan by which heads go to their parks from wherever they stand, one after another."""
+"""A plan by which heads go to their parks from wherever they stand, one after another.
+
+One that stands at its park has no action; it takes up the plan too, so all know that it stands.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ def parking_plan(
     document: PlanDocument, machine: Machine, standing: Mapping[str, Point],
     fenced: Mapping[str, Point],
 ) -> PlanDocument | None:  # fmt: skip
-    """Return a plan by which heads go to their parks; None where all are there.
+    """Return a plan by which heads go to their parks; None where none is to go.
 
     Parameters
     ----------
@@ -28,7 +31,7 @@ def parking_plan(
     machine : Machine
         With all heads, those that failed too.
     standing : Mapping[str, Point]
-        Where each head stands that is to go, mm.
+        Where each head stands that is to go, mm, or is at its park.
     fenced : Mapping[str, Point]
         Where each head stands that does not move.
 
@@ -40,6 +43,8 @@ def parking_plan(
     lines = {name: np.array([at], np.float64) for name, at in standing.items()}
     routes = routes_to_parks(machine, lines, fenced, top_of(document))
     order = [(route.head, route.path(standing[route.head])) for route in routes]
+    gone = {name for name, _ in order}
+    order += [(name, np.empty((0, 3))) for name in standing if name not in gone]
     return _document(document, machine, order) if order else None
 
 
@@ -51,13 +56,15 @@ def _document(
     for k, (name, path) in enumerate(order):
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
         end = begin + length / machine.limits_of(machine.head(name)).travel_feed
-        m = int(k > 0)
+        n = int(len(path) > 0)  # actions
+        m = n * int(k > 0)
         heads.append(
             HeadActions(
-                head=name, kind=np.array([ActionKind.PARK], np.int8),
-                contour=np.array([-1], np.int32), reversed=np.array([False]),
-                entry=np.array([0], np.int32), path_offsets=np.array([0, len(path)]), path=path,
-                begin_s=np.array([begin]), end_s=np.array([end]), after_offsets=np.array([0, m]),
+                head=name, kind=np.full(n, ActionKind.PARK, np.int8),
+                contour=np.full(n, -1, np.int32), reversed=np.zeros(n, np.bool_),
+                entry=np.zeros(n, np.int32), path_offsets=np.array([0, len(path)][: n + 1]),
+                path=path, begin_s=np.full(n, begin), end_s=np.full(n, end),
+                after_offsets=np.array([0, m][: n + 1]),
                 after_head=np.full(m, k - 1, np.int32), after_action=np.zeros(m, np.int32),
                 after_point=np.full(m, ACTION_END, np.int32), after_lag_s=np.zeros(m),
             )
@@ -67,5 +74,5 @@ def _document(
     return replace(
         document, machine=machine, contours=taken(document.contours, none),
         plan=JointPlan(tuple(heads)), precedence=np.empty((0, 2), np.int32), metrics=Metrics(),
-        acceleration=None, printed=None,
+        acceleration=None, printed=None, fenced=None,
     )  # fmt: skip

@@ -52,6 +52,7 @@ class Carried:
     events: list[PrintEvent] = field(default_factory=list)  # heads as in this plan
     reached: dict[int, Reached] = field(default_factory=dict)  # by head of the first plan
     until: dict[int, int] = field(default_factory=dict)  # up to which action each head goes on
+    is_void: bool = False  # heads fell back on the plan before, and nobody begins it
     _works: dict[int, Work] = field(default_factory=dict)
 
     __repr__ = brief("number", "document", "heads", "events")
@@ -60,6 +61,11 @@ class Carried:
         """Take an event of a head of the first plan."""
         self.events.append(event)
         self.reached[head] = self.reached.get(head, Reached()).after(event)
+
+    @property
+    def begun(self) -> bool:
+        """Whether a head has begun an action of it; one may fail that only holds it."""
+        return any(event.kind is EventKind.BEGAN for event in self.events)
 
     def count(self, head: int) -> int:
         """Return how many actions a head carries out of this plan."""

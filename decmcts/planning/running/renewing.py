@@ -5,7 +5,8 @@
 3. A thread finds paths to the parks, which are a plan of their own, and plans the rest.
 4. Heads take up both behind what they go on with. Without such a plan they do all they can.
 
-What is planned is left when another head fails meanwhile: it is not true any more.
+What is planned is left when another head fails meanwhile: it is not true any more. While a head is
+lost nothing is planned, and the others do all they can.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from agents.running.carrier import committed
+from agents.running.report import Reached
 from decmcts.errors import InputError, VerificationError
 from decmcts.planning.events import Note
 from decmcts.planning.problem.source import Source
@@ -122,10 +124,9 @@ class Renewal:
     unplanned: set[int] = field(default_factory=set)  # fenced, and no plan is without them yet
     held: dict[int, tuple[int, int]] = field(default_factory=dict)  # plan, and actions released
     reason: str = ""  # why the rest is not planned
-    left: list[str] = field(default_factory=list)  # what is not finished, in words
-    left_out: int = 0  # contours that no living head could finish
-    others: list[str] = field(default_factory=list)  # what is printed with another tool, in words
+    renewed: dict[int, Renewed] = field(default_factory=dict)  # by the number of its plan
     _is_holding: bool = False
+    _holds: int = 0  # how often heads were told to
     _begin: Begin | None = None  # of the plan that is being made
 
     @property
@@ -133,17 +134,40 @@ class Renewal:
         """Tell whether heads hold, or are planned for."""
         return self._is_holding or self._begin is not None
 
+    def carried_out(self) -> list[Renewed]:
+        """Return the rests that heads began, each of which follows from the one before."""
+        return [self.renewed[p.number] for p in self.team.begun() if p.number in self.renewed]
+
+    @property
+    def left(self) -> list[str]:
+        """What is not finished, in words."""
+        return list(dict.fromkeys(line for news in self.carried_out() for line in news.lines))
+
+    @property
+    def left_out(self) -> int:
+        """Contours that no living head could finish."""
+        return sum(news.left_out for news in self.carried_out())
+
+    @property
+    def others(self) -> list[str]:
+        """What is printed with another tool, in words."""
+        return [line for news in self.carried_out() for line in news.others]
+
+    def hold(self) -> None:
+        """Have heads hold, as one is lost or fenced: what is planned is not true any more."""
+        self._begin, self.held, self._is_holding = None, {}, True
+        self._holds += 1
+        self.team.tell_all(command="hold", count=self._holds)
+
+    def take_held(self, h: int, count: int, number: int, released: int) -> None:
+        """Take that a head holds, and what; what it said when it was told before is no more."""
+        if count == self._holds:
+            self.held[h] = (number, released)
+
     def step(self) -> None:
-        """Have heads hold when one was fenced, and go on when all of them do."""
-        if self.unplanned and not self.team.lost() and not self.is_busy:
-            self.held, self._is_holding = {}, True
-            self.team.tell_all(command="hold")
+        """Have heads go on when all of them hold."""
         if self._is_holding and all(h in self.held for h in self.team.listening()):
             self._divide()
-
-    def drop(self) -> None:
-        """Leave what is planned: it is not true any more."""
-        self._begin, self._is_holding = None, False
 
     def take(self, news: News) -> None:
         """Take what was planned, unless it was left since."""
@@ -161,17 +185,15 @@ class Renewal:
                 if parked:
                     self.team.report(Note(self.reason))
                 else:
-                    self._give_up([p for p in self.team.plans if p.events][-1])
+                    self._give_up(self.team.begun()[-1])
 
     def _take_renewed(self, news: Renewed) -> None:
         self.reason = ""
-        self.left += [line for line in news.lines if line not in self.left]
-        self.left_out += news.left_out
-        self.others += news.others
         for line in news.others:
             self.team.report(Note(line))
         carried = self.team.announce(news.document, is_print=True)
         self.sources[carried.number] = news.source
+        self.renewed[carried.number] = news
         for failure in self.team.failures:
             if math.isnan(failure.planned_s):
                 failure.planned_s = self.team.clock.now()
@@ -184,13 +206,11 @@ class Renewal:
         if not team.living():
             return
         begun = [number for number, released in held.values() if released]
-        carried = team.plans[max([0, *begun, *(p.number for p in team.plans if p.events)])]
-        stopped = team.all_stopped(carried)
+        carried = team.plans[max([team.begun()[-1].number, *begun])]
+        stopped = self._stopped(carried)
         least = [
-            carried.count(h) if held.get(h, (-1, 0))[0] > carried.number
-            else held[h][1] if k not in stopped and held[h][0] == carried.number else 0
-            for k, h in enumerate(carried.heads)
-        ]  # fmt: skip
+            held[h][1] if held.get(h, (-1, 0))[0] == carried.number else 0 for h in carried.heads
+        ]
         plan = carried.document.plan
         whole = committed(plan, least, stopped, math.inf)
         if team.lost():  # what is planned without knowing where it is might meet it
@@ -205,9 +225,22 @@ class Renewal:
         self._limit(carried, committed(plan, least, stopped, self.options.replan_s + MORE_S))
         self._plan_rest(carried, printing)
 
+    def _stopped(self, carried: Carried) -> dict[int, Reached]:
+        """Return how far heads came that do no more of a plan, by place in it.
+
+        They failed, or hold a later plan, from which none comes back.
+        """
+        later = {
+            k: Reached(carried.count(h)) for k, h in enumerate(carried.heads)
+            if self.held.get(h, (-1, 0))[0] > carried.number
+        }  # fmt: skip
+        return {**later, **self.team.all_stopped(carried)}
+
     def _limit(self, carried: Carried, until: list[int]) -> None:
         """Tell all up to which action each head goes on, and how far others came."""
         team = self.team
+        for later in team.plans[carried.number + 1 :]:
+            later.is_void = True
         carried.until.update(zip(carried.heads, until, strict=True))
         for gone in carried.heads:
             if team.heads[gone].fenced and not team.goes_on_in(carried, gone):
@@ -234,6 +267,7 @@ class Renewal:
         stands = {h: self._stands(carried, h) for h in range(len(team.heads))}
         places = {h: at for h, at in stands.items() if at is not None}
         listening, living = team.listening(), team.living()
+        going = [h for h in listening if not team.is_parked(h)]
         in_plan = {actions.head for actions in printing.document.plan.heads}
         fenced = {  # those that can will have gone to their parks
             team.heads[h].name: team.park(h) if h in listening else at
@@ -241,9 +275,9 @@ class Renewal:
         }  # fmt: skip
         return Begin(
             printing.document, team.document.machine, source, team.state_at_limits(printing),
-            {team.heads[h].name: at for h, at in places.items() if h in listening},
+            {team.heads[h].name: at for h, at in places.items() if h in going},
             {name: at for name, at in fenced.items() if name in in_plan},
-            {team.heads[h].name: at for h, at in places.items() if h not in listening},
+            {team.heads[h].name: at for h, at in places.items() if h not in going},
         )  # fmt: skip
 
     def _stands(self, carried: Carried, h: int) -> Point | None:
@@ -255,7 +289,7 @@ class Renewal:
 
     def _give_up(self, carried: Carried) -> None:
         """Have heads go on with all that needs no head that failed."""
-        stopped = self.team.all_stopped(carried)
+        stopped = self._stopped(carried)
         least = [carried.until.get(h, 0) for h in carried.heads]
         self._limit(carried, committed(carried.document.plan, least, stopped, math.inf))
         self.team.report(Note(self.reason))

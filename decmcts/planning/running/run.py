@@ -77,9 +77,14 @@ class RunResult:
         """Length of all that is printed, mm."""
         return sum(carried.printed_mm() for carried in self.plans if carried.is_print)
 
+    @property
+    def prints(self) -> list[Carried]:
+        """The plan, and those that print and that heads began, each of what the last one left."""
+        return [p for p in self.plans if p.is_print and (p.begun or not p.number)]
+
     def logs(self) -> list[EventLog]:
-        """Return the events of each plan that prints."""
-        return [carried.log(self.waits) for carried in self.plans if carried.is_print]
+        """Return the events of each of `prints`."""
+        return [carried.log(self.waits) for carried in self.prints]
 
 
 def run(
@@ -133,10 +138,13 @@ def run(
     team, renewal = launcher.team, launcher.renewal
     plans, names = tuple(team.plans), tuple(head.name for head in team.heads)
     end_s = max((e.time_s for p in plans for e in p.events), default=0.0)
+    unprinted, reason = team.unprinted + renewal.left_out, renewal.reason
+    if unprinted and not team.living():
+        reason = "the rest is not planned: no head works any more"
     return RunResult(
         names, plans, team.makespan_s, document.plan.makespan_s, len(document.contours),
-        team.unprinted + renewal.left_out, tuple(team.failures), dict(team.moved),
+        unprinted, tuple(team.failures), dict(team.moved),
         nearest(document.machine, names, plans, team.moved, end_s),
         tuple(wait for carried in plans for wait in waits_of(carried)), tuple(renewal.left),
-        renewal.reason, tuple(renewal.others),
+        reason, tuple(renewal.others),
     )  # fmt: skip

@@ -27,9 +27,11 @@ class Standing:
     waits_for: int | None = None
     missing: tuple[int, ...] = ()  # heads its agent does not hear
     pulse_at: float = -math.inf
+    heard_at: float = math.inf  # its controller
     agent_gone: str = ""
     replaced: bool = False  # its agent; that the one before has ended was not heard yet
     controller_gone: str = ""
+    asked: bool = False  # a person, where it is
     fenced: bool = False
     parks: bool = False  # it prints no more, but its controller takes it to its park
     failure: Failure | None = None

@@ -110,18 +110,23 @@ class Team:
         self.tell_all(command="plan", number=number, path=str(path), heads=list(heads))
         return self.plans[-1]
 
+    def begun(self) -> list[Carried]:
+        """Return the plans that heads began; the first of all counts in any case."""
+        return [carried for carried in self.plans if carried.begun or not carried.number]
+
     def printing(self) -> Carried:
         """Return the last plan that prints and that heads began."""
-        return next(p for p in reversed(self.plans) if p.is_print and (p.events or not p.number))
+        return next(carried for carried in reversed(self.begun()) if carried.is_print)
 
     def last_of(self, h: int, before: int | None = None) -> Carried:
-        """Return the last plan that a head is in (before one)."""
-        return [carried for carried in self.plans[:before] if h in carried.heads][-1]
+        """Return the last plan that a head is in (before one), and that holds."""
+        return [p for p in self.plans[:before] if h in p.heads and not p.is_void][-1]
 
     def has_done(self, h: int, before: int | None = None) -> bool:
         """Tell whether a head has done its share of the last plan it is in (before one)."""
         last = self.last_of(h, before)
-        return last.reached.get(h, NOTHING).ended >= last.count(h)
+        holds = self.heads[h].number >= last.number
+        return holds and last.reached.get(h, NOTHING).ended >= last.count(h)
 
     def goes_on_in(self, carried: Carried, h: int) -> bool:
         """Tell whether a head may do more of a plan: it works, or it travels to its park."""

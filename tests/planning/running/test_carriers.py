@@ -230,3 +230,19 @@ def test_the_rest_begins_when_who_failed_stands_at_its_park(made: Made) -> None:
     carrier.reports.clear()
     carrier.fence(1, 1, NOTHING)  # it failed on its way, and stands where it is planned around
     assert carrier.may_begin(rest)
+
+
+def test_a_head_takes_up_no_plan_while_it_holds(made: Made) -> None:
+    """What it said it holds would be wrong; a plan it is taking up counts as held."""
+    plan = made.document.plan
+    first, later = (NumberedPlan(n, "plan", str(n) * 32, plan, (0, 1)) for n in (0, 1))
+    carrier = Carrier(0)
+    carrier.take_plan(first)
+    carrier.hold()
+    assert carrier.holds == (-1, 0) and carrier.step(0.0) == []
+    carrier.take_limit(0, 0)
+    carrier.step(0.0)
+    carrier.take_statement(Ready(0, first.digest))
+    carrier.take_plan(later)
+    assert any(isinstance(command, Start) for command in carrier.step(0.0))
+    assert carrier.number == 0 and carrier.holds == (1, 0)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from agents.running.clock import PrintClock
 from decmcts.print.plan import HeadActions, JointPlan
 from decmcts.print.print_events import EventKind
+from sim.controllers import serve
 from sim.controllers.feeding import Feeding, Work
 from tests.planning.replanning.conftest import Made
 
@@ -67,6 +71,26 @@ def test_a_wait_costs_no_time_that_was_not_waited(feeding: Feeding) -> None:
     assert began.time_s >= max(free_s, 100.0)
 
 
+@pytest.mark.parametrize("how", ["released", "resumed"])
+def test_nothing_begins_before_it_may_however_late_a_controller_is(
+    feeding: Feeding, how: str
+) -> None:
+    """On a busy machine it hears that it may go on before it has said that the last action ended.
+
+    It had begun at that end: before the other head was out of the way, and they touched.
+    """
+    feeding.release(1 if how == "released" else 2, 0.0)
+    next(feeding.step(1.0))
+    assert feeding.begun
+    if how == "released":
+        feeding.release(2, 5e5)
+    else:
+        feeding.pause()
+        feeding.resume(5e5)
+    second = [event for event in feeding.step(1e6) if event.action == 1]
+    assert second[0].kind is EventKind.BEGAN and second[0].time_s >= 5e5
+
+
 def test_a_head_without_actions_stays_parked(made: Made) -> None:
     """The rest of a print may leave a head nothing to do."""
     empty = HeadActions(
@@ -79,3 +103,18 @@ def test_a_head_without_actions_stays_parked(made: Made) -> None:
     feeding = Feeding(0, work)
     park = made.document.machine.heads[0].park
     assert work.at(0, 1.0) == feeding.at(5.0) == park and list(feeding.step(9.0)) == []
+
+
+def test_what_agents_know_is_on_the_record(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A controller that was killed between the two let another head enter where it still stood."""
+    written = list[int]()
+
+    def write(descriptor: int, _: bytes) -> bool:
+        written.append(descriptor)
+        return True
+
+    monkeypatch.setattr(serve, "write_all", write)
+    PrintClock.made(tmp_path / "clock", 1.0)
+    controller = serve.Controller(Namespace(clock=tmp_path / "clock", record=7))
+    controller._say(b"something")
+    assert written == [7, 1]

@@ -13,18 +13,19 @@ from numpy.typing import NDArray
 
 from agents.launching.processes import AgentLine
 from agents.running.heads import Recorded
-from agents.running.port import SILENT_S, Ready
+from agents.running.port import SILENT_S, STARTS_S, Ready
 from decmcts.planning.events import Event, Note
 from decmcts.planning.running import failing, renewing
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.recorded import nearest
-from decmcts.planning.running.renewing import Begin, Parking
+from decmcts.planning.running.renewing import Begin, NotRenewed, Parking, Renewed
+from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind
-from decmcts.print.print_events import EventKind, PrintEvent
+from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
 from tests.planning.replanning.conftest import Made
 
 LEFT, RIGHT = 0, 1
@@ -43,6 +44,9 @@ class Listening:
 
     def restart(self) -> None:
         """Start no process."""
+
+    def finish(self, why: str) -> None:
+        """No controller is there to end its action."""
 
     def kill(self) -> None:
         """Note it."""
@@ -73,12 +77,26 @@ class Desk:
         """Have it tell what happened in its first action."""
         self.says(head, PrintEvent(kind, head, 10.0, 0, 0, at, what=what))
 
-    def hold(self, *numbers: int) -> None:
-        """Have all agents hold."""
+    def hold(self, *numbers: int, released: int = 1) -> None:
+        """Have all agents say which plan they hold, and how much of their first is released."""
         self.launcher.step()
         for h, number in enumerate(numbers):
-            self.launcher.take(AgentLine(h, {"event": "held", "number": number, "released": 1}))
+            count = self.told(h, "hold")[-1].get("count", 0)
+            some = 0 if number else released
+            held = {"event": "held", "count": count, "number": number, "released": some}
+            self.launcher.take(AgentLine(h, held))
         self.launcher.step()
+
+    def told(self, head: int, command: str) -> list[dict[str, Any]]:
+        """Return what an agent was told with this word."""
+        return [one for one in self.team.processes[head].told if one["command"] == command]  # type: ignore[attr-defined]
+
+    def clog(self, head: int, number: int = 0) -> None:
+        """Have a head clog where it stands, or fail once more on its way to its park."""
+        at = (60.0, 100.0, 1.0) if head == LEFT else (200.0, 100.0, 1.0)
+        failed = PrintEvent(EventKind.FAILED, head, 10.0, NO_ACTION, 0, at, what="clogged")
+        assert self.team.heads[head].number == number
+        self.says(head, failed)
 
     def park(self) -> None:
         """Have a way to the parks found."""
@@ -204,16 +222,24 @@ def test_a_late_pulse_does_not_have_a_witness_begin_again(desk: Desk) -> None:
     assert witness.is_asked and witness.asked == 1
 
 
-def test_a_head_that_loses_the_bus_on_its_way_to_its_park_is_lost(desk: Desk) -> None:
-    """Nobody would hear that it has parked. It does nothing more while a person looks."""
+@pytest.mark.parametrize("goes", [False, True])
+def test_a_head_that_loses_the_bus_on_its_way_to_its_park_is_lost(desk: Desk, goes: bool) -> None:
+    """Nobody would hear that it has parked. It does nothing more while a person looks.
+
+    Before it goes it only gets another agent: its controller has said where it stands.
+    """
     desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), "clogged")
     desk.launcher.step()
     assert desk.team.heads[RIGHT].parks and desk.team.lost() == []
+    if goes:
+        desk.hold(0, 0)
+        desk.park()
+        desk.says(RIGHT, Ready(1, ""))
     desk.team.witness = Heard(LEFT)  # type: ignore[assignment]
     miss_each_other(desk)
     desk.launcher.step()
-    assert desk.team.lost() == [RIGHT] and not desk.team.heads[RIGHT].parks
-    assert desk.team.processes[RIGHT].is_killed and not desk.team.processes[LEFT].is_killed
+    assert desk.team.lost() == [RIGHT] * goes and desk.team.heads[RIGHT].parks is not goes
+    assert desk.team.processes[RIGHT].is_killed is goes and not desk.team.processes[LEFT].is_killed
 
 
 def test_nothing_is_planned_while_a_head_is_lost(desk: Desk) -> None:
@@ -285,3 +311,225 @@ def test_a_person_is_told_where_a_place_cannot_be(made: Made, desk: Desk) -> Non
     desk.launcher.asking.do(["fenced", "right", ",".join(map(str, aside))])
     assert any("stays unknown" in event.text for event in said if isinstance(event, Note))
     assert not desk.team.plans[0].state(RIGHT).is_exact
+
+
+# A second failure ---------------------------------------------------------
+
+
+def parked(desk: Desk) -> None:
+    """Have the right head clog, and a way to the parks be found; the left one still prints."""
+    desk.clog(RIGHT)
+    desk.hold(0, 0)
+    desk.park()
+
+
+def test_a_head_that_fails_before_a_plan_is_begun_has_not_begun_it(desk: Desk) -> None:
+    """The left one was to go on in that plan, and would have gone beyond its share of this one."""
+    parked(desk)
+    desk.says(RIGHT, Ready(1, ""))
+    desk.clog(RIGHT, 1)
+    desk.hold(0, 1)
+    assert [limit["number"] for limit in desk.told(LEFT, "limit")] == [0, 0]
+    assert desk.team.printing().number == 0
+
+
+def test_a_head_that_holds_the_next_plan_goes_on_no_further_in_this_one(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it had still been given was taken to be printed, and nobody printed it."""
+    monkeypatch.setattr(renewing, "MORE_S", -4.0)
+    parked(desk)
+    before = desk.team.plans[0].until[LEFT]
+    assert before < len(desk.launcher.document.plan.heads[LEFT])
+    desk.says(LEFT, Ready(1, ""))
+    desk.clog(RIGHT)
+    desk.hold(1, 0, released=before)
+    assert desk.team.plans[0].until[LEFT] == before
+    assert desk.begun[-1].standing["left"] == desk.team.plans[0].stands(LEFT, before)
+
+
+def test_others_do_not_count_on_what_a_head_can_do_no_more(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither where the rest cannot be planned."""
+    monkeypatch.setattr(renewing, "MORE_S", -4.0)
+    parked(desk)
+    before = desk.team.plans[0].until[LEFT]
+    desk.says(LEFT, Ready(1, ""))
+    desk.clog(RIGHT)
+    desk.hold(1, 0)
+    desk.launcher.take(NotRenewed(desk.begun[-1], "for once", parked=False))
+    assert desk.team.plans[0].until[LEFT] == before
+
+
+def test_a_plan_that_nobody_begins_is_not_waited_for(desk: Desk) -> None:
+    """The run had never ended."""
+    parked(desk)
+    desk.clog(RIGHT)
+    desk.hold(0, 0)
+    desk.launcher.take(NotRenewed(desk.begun[-1], "for once", parked=False))
+    assert desk.team.last_of(LEFT).number == 0
+
+
+def test_what_is_left_out_of_a_plan_that_nobody_begins_counts_once(made: Made, desk: Desk) -> None:
+    """It is left out of the next one too, and was counted twice."""
+    for _ in range(2):
+        desk.clog(RIGHT)
+        desk.hold(0, 0)
+        rest = Renewed(desk.begun[-1], made.document, made.source, 3, ("3 are left",), ("one",))
+        desk.launcher.take(rest)
+    assert desk.renewal.left_out == 0 and not desk.renewal.left
+    number = desk.team.plans[-1].number
+    desk.says(LEFT, Ready(number, ""))
+    desk.event(LEFT, EventKind.BEGAN, (60.0, 100.0, 1.0))
+    assert desk.renewal.left_out == 3
+    assert desk.renewal.left == ["3 are left"] and desk.renewal.others == ["one"]
+
+
+def test_a_plan_that_nobody_began_is_not_kept(made: Made, desk: Desk) -> None:
+    """Its empty events were written, and a report compared the plans before and behind it."""
+    desk.clog(RIGHT)
+    desk.hold(0, 0)
+    rest = Renewed(desk.begun[-1], made.document, made.source, 0, ())
+    desk.launcher.take(rest)
+    result = RunResult(
+        ("left", "right"), tuple(desk.team.plans), 0.0, 1.0, 0, 0, (), {}, (), (), (), ""
+    )
+    assert len(result.plans) == 2 and [carried.number for carried in result.prints] == [0]
+    assert len(result.logs()) == 1
+
+
+def test_what_was_said_before_heads_were_told_to_hold_once_more_is_past(desk: Desk) -> None:
+    """A head may have been released more since."""
+    desk.clog(RIGHT)
+    for _ in range(2):
+        desk.launcher.failing.fence(RIGHT, (200.0, 100.0, 1.0), "clogged")
+    first, last = (desk.told(LEFT, "hold")[k]["count"] for k in (0, -1))
+    for h, count in ((LEFT, first), (RIGHT, last)):
+        held = {"event": "held", "count": count, "number": 0, "released": 1}
+        desk.launcher.take(AgentLine(h, held))
+    desk.launcher.step()
+    assert not desk.begun
+
+
+def test_heads_do_all_they_can_while_one_is_lost(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They had stood where they were to stand for a plan that is not true any more."""
+    monkeypatch.setattr(renewing, "MORE_S", -4.0)  # so that much more could be done
+    desk.clog(RIGHT)
+    desk.hold(0, 0)
+    before = desk.team.plans[0].until[LEFT]
+    desk.team.heads[RIGHT].controller_gone = "its controller ended"
+    desk.hold(0)
+    assert desk.team.lost() == [RIGHT] and not desk.renewal.is_busy
+    assert np.isnan(desk.team.failures[0].fenced_s)
+    assert desk.told(LEFT, "limit")[-1]["until"] > before
+
+
+def asks(desk: Desk) -> list[str]:
+    """Have a launcher keep of which heads it asks a person."""
+    asked = list[str]()
+
+    def report(event: Event) -> None:
+        if isinstance(event, Note) and "say `fenced" in event.text:
+            asked.append(event.text.partition(":")[0])
+
+    desk.team.report = report
+    return asked
+
+
+@pytest.mark.parametrize("how", ["ended", "hangs"])
+@pytest.mark.parametrize("parks", [False, True])
+def test_a_person_is_asked_of_a_head_that_lost_its_agent_and_its_controller(
+    desk: Desk, how: str, parks: bool
+) -> None:
+    """Nobody was, and nobody knew what the run waited for."""
+    asked, head = asks(desk), desk.team.heads[RIGHT]
+    if parks:
+        parked(desk)
+        desk.says(RIGHT, Ready(1, ""))
+    head.agent_gone = "killed"
+    desk.launcher.step()
+    assert not asked and desk.team.lost() == [RIGHT]
+    if how == "ended":
+        desk.says(RIGHT, None)
+    else:
+        head.heard_at -= STARTS_S + 1.0
+    for _ in range(2):
+        desk.launcher.step()
+    assert asked == ["right"]
+
+
+def test_a_controller_that_hangs_while_its_agent_cannot_say_so_is_noticed(desk: Desk) -> None:
+    """Its agent waits for it to take up a plan, or hangs too."""
+    asked = asks(desk)
+    desk.team.heads[RIGHT].heard_at -= STARTS_S + 1.0
+    desk.launcher.step()
+    assert asked == ["right"] and desk.team.failures[0].why == "its controller hangs"
+
+
+@pytest.mark.parametrize("gone", ["killed", ""])
+def test_a_head_that_is_off_gets_another_agent_when_its_own_is_gone_or_hangs(
+    desk: Desk, gone: str
+) -> None:
+    """Its controller does not say that it is off again: the run waited for the agent for ever."""
+    asked, head = asks(desk), desk.team.heads[RIGHT]
+    head.pulse_at = time.monotonic()
+    desk.clog(RIGHT)
+    desk.launcher.step()
+    head.agent_gone, head.pulse_at = gone, head.pulse_at - (0.0 if gone else STARTS_S + 1.0)
+    desk.launcher.step()
+    assert head.parks and head.fenced and not head.agent_gone and not asked
+    assert head.replaced == (not gone) and len(desk.told(LEFT, "hold")) == 2
+    desk.launcher.step()
+    assert len(desk.told(LEFT, "hold")) == 2
+
+
+def test_another_agent_takes_a_head_to_its_park_whose_second_agent_is_lost(desk: Desk) -> None:
+    """Its controller says where it stands, so nobody need look."""
+    asked, head = asks(desk), desk.team.heads[RIGHT]
+    parked(desk)
+    desk.says(RIGHT, Ready(1, ""))
+    head.agent_gone = "killed"
+    desk.launcher.step()
+    assert desk.team.lost() == [RIGHT]
+    desk.says(RIGHT, PrintEvent(EventKind.FAILED, RIGHT, 12.0, NO_ACTION, 0, (210.0, 100.0, 1.0)))
+    assert head.fenced and head.parks and not head.agent_gone and not asked
+    desk.hold(0, 0)
+    assert desk.begun[-1].standing["right"] == (210.0, 100.0, 1.0)
+
+
+@pytest.mark.parametrize("gone", ["agent", "controller", "word"])
+def test_a_head_that_has_parked_may_fail_as_it_likes(made: Made, desk: Desk, gone: str) -> None:
+    """All was planned anew, though nothing had changed."""
+    parked(desk)
+    head, park = desk.team.heads[RIGHT], made.document.machine.heads[RIGHT].park
+    desk.says(RIGHT, Ready(1, ""))
+    desk.event(RIGHT, EventKind.BEGAN, (200.0, 100.0, 1.0))
+    desk.event(RIGHT, EventKind.ENDED, park)
+    match gone:
+        case "agent":
+            head.agent_gone = "killed"
+        case "controller":
+            head.controller_gone = "its controller ended"
+        case _:
+            failed = PrintEvent(EventKind.FAILED, RIGHT, 12.0, NO_ACTION, 0, park, what="silent")
+            desk.says(RIGHT, failed)
+    begun = desk.renewal.is_busy
+    desk.launcher.step()
+    assert desk.renewal.is_busy == begun and desk.team.lost() == []
+    assert not desk.renewal.unplanned and not head.parks
+    assert desk.told(LEFT, "fence")[-1]["number"] == 1
+
+
+def test_a_head_that_failed_while_it_was_paused_goes_to_its_park_when_it_may(desk: Desk) -> None:
+    """Nobody could have it go on: all waited for it for ever. Another agent lets it stand too."""
+    head = desk.team.heads[RIGHT]
+    head.paused, head.agent_gone = True, "killed"
+    desk.clog(RIGHT)
+    assert head.parks and desk.told(RIGHT, "pause")
+    desk.launcher.asking.do(["resume"])
+    assert desk.told(RIGHT, "resume") and desk.told(LEFT, "resume")
+    desk.launcher.asking.do(["abort", "right"])
+    assert desk.told(RIGHT, "abort")
