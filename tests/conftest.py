@@ -25,7 +25,6 @@ CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FIREFOX = ("firefox-esr", "firefox")
 SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
             "--enable-unsafe-swiftshader")  # fmt: skip
-IN_EVERY_BROWSER = "test_every_control_does_something"
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -34,7 +33,7 @@ def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
     for item in items:
         chosen = getattr(item, "callspec", None)
         in_firefox = chosen is not None and chosen.params.get("browser") == "firefox"
-        if in_firefox and item.originalname != IN_EVERY_BROWSER:
+        if in_firefox:
             item.add_marker(pytest.mark.long)
 
 

@@ -76,7 +76,7 @@ def test_rows_are_kept_and_not_made_again(own: Path, tmp_path: Path) -> None:
     assert "| towers | none |" in again.page
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rows_are_equal_whoever_computes_them(own: Path, tmp_path: Path) -> None:
     """By one thread, by a process and by a Dask cluster of two workers, at equal iterations."""
     from distributed import LocalCluster

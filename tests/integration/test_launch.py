@@ -186,6 +186,7 @@ def test_agents_that_all_die_all_come_back(monkeypatch: pytest.MonkeyPatch) -> N
     assert_complete(agreement)
 
 
+@pytest.mark.long
 def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stopped process is seen by its lease, and killed before anything is released."""
     saboteur = Saboteur(0, signal.SIGSTOP)
@@ -196,6 +197,7 @@ def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.Monk
         os.kill(saboteur.pids[0], 0)
 
 
+@pytest.mark.long
 def test_a_stuck_planner_is_fenced_though_its_network_lives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

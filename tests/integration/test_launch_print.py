@@ -100,6 +100,7 @@ def test_two_agents_agree_on_a_real_print_bit_for_bit(pack: Pack) -> None:
     assert_plan_holds(pack, result)
 
 
+@pytest.mark.long
 def test_a_killed_agent_of_a_real_print_comes_back(pack: Pack) -> None:
     """kill -9 just before the end of planning: its head still has a share of the print."""
     killer = Killer(0)

@@ -148,6 +148,7 @@ def test_the_rest_of_a_cut_plan_is_printed_by_the_others(cut: Made) -> None:
     assert_printed(cut, result)
 
 
+@pytest.mark.long
 def test_another_tool_prints_for_a_dead_heads(tmp_path: Path) -> None:
     """All is finished where a person has allowed it, and what is of which tool is said."""
     folder = tmp_path / "tools"
@@ -197,6 +198,7 @@ def test_a_person_fences_a_lost_controller(made: Made, number: int) -> None:
     nobody_enters(result)
 
 
+@pytest.mark.long
 def test_a_lost_controller_that_nobody_fences_ends_the_run(made: Made) -> None:
     """What needs nothing of it is printed; the rest is honestly not."""
     result = Trial(lambda _, __, controller: os.kill(controller, signal.SIGKILL)).run(
@@ -207,6 +209,7 @@ def test_a_lost_controller_that_nobody_fences_ends_the_run(made: Made) -> None:
     nobody_enters(replace(result, failures=(replace(result.failures[0], fenced_s=float("inf")),)))
 
 
+@pytest.mark.long
 def test_a_head_may_fail_in_two_ways(made: Made) -> None:
     """Its agent is killed, and before its controller has said where it stands that is killed too.
 

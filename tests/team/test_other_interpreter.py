@@ -26,7 +26,7 @@ def digests(python: str) -> list[str]:
     return done.stdout.split("\n")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_processes_plan_the_same() -> None:
     """Nothing of a process (hash seeds, addresses) may come into a plan."""
     here = [digest(seed) for seed in SEEDS]

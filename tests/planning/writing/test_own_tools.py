@@ -397,7 +397,7 @@ def with_tower(folder: Path) -> str:
     return str(path)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_wipe_tower_is_left_out_only_as_asked(agents: Agents, tmp_path: Path) -> None:
     """With it changes stay walls; without it the judge misses it unless it was asked for."""
     source = with_tower(tmp_path)

@@ -103,7 +103,10 @@ def check(sequence: Sequence) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [s for s in range(24) if s % 5 != 4])
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(s, marks=[pytest.mark.long] * (s > 3)) for s in range(24) if s % 5 != 4],
+)
 def test_a_window_ends_in_the_best_order_there_is(seed: int) -> None:
     """At the beginning, the end and between, of every kind of print; the rest stays."""
     problem = kinds(random_problem(seed, 20, density=(0.0, 0.1, 0.4)[seed % 3]), seed)
