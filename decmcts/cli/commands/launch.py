@@ -138,8 +138,8 @@ def launch(
         )
     opt.refuse_layer_alone(picture_layer, picture)
     stem = None if output is None else stem_of(output)
-    heads_of = with_tools(load_machine(machine), tool or [])
-    heads = [] if stem is None else head_files(stem, heads_of)
+    chosen = with_tools(load_machine(machine), tool or [])
+    heads = [] if stem is None else head_files(stem, chosen)
     outputs = [*heads, plan_file, report, picture, record]
     refuse_unwritable(outputs, source, *([] if team is None else [team]))
     refuse_other_suffixes(plan_file, report, picture)
@@ -148,7 +148,7 @@ def launch(
     parameters = {} if team is None else read_parameters(team)
     search = TeamSearch(time_limit, seed, objective, parameters, cut, weld_limit_s)
     result = run_team(
-        source, heads_of, search, rules, limits=limits, plate=plate, record=record,
+        source, chosen, search, rules, limits=limits, plate=plate, record=record,
         writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",
         picture_layer=picture_layer,
     )  # fmt: skip

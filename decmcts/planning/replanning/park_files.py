@@ -17,7 +17,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.writing.park_file import park_gcode
 from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.to_park import routes_to_parks
+from decmcts.planning.replanning.to_park import routes_to_parks, top_of
 from decmcts.print.contours import taken
 from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import NO_CONTOUR, HeadActions, PlanDocument
@@ -83,8 +83,9 @@ def park_files(
         Where the files, read back, do not lead there, or not clear of all else.
     """
     lines = _lines(document, state, machine, fenced)
+    begun = taken(document.contours, np.flatnonzero(state.done))
     try:
-        routes = routes_to_parks(machine, lines, fenced, _top(document, state))
+        routes = routes_to_parks(machine, lines, fenced, top_of(begun, document.printed))
     except InputError as error:
         raise InputError(
             f"{error.what} from wherever it may stand",
@@ -120,13 +121,6 @@ def _lines(
 
 def _heads(document: PlanDocument, state: PrintState) -> list[tuple[HeadState, HeadActions]]:
     return list(zip(state.heads, document.plan.heads, strict=True))
-
-
-def _top(document: PlanDocument, state: PrintState) -> float:
-    """Return how high all stands that is printed, or begun."""
-    begun = taken(document.contours, np.flatnonzero(state.done))
-    both = [c.points[:, 2] for c in (begun, document.printed) if c is not None]
-    return float(np.concatenate(both).max(initial=0.0))
 
 
 def _stated(

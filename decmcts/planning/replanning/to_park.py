@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.writing.park_file import AxisWords
+from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine, Point
-from decmcts.print.plan import PlanDocument
 from sim.replay.fenced import too_near
 
 SAME_MM = 1e-6
@@ -48,10 +48,9 @@ def same_place(a: Point | NDArray[np.float64], b: Point | NDArray[np.float64]) -
     return float(np.abs(np.subtract(a, b)).max()) < SAME_MM
 
 
-def top_of(document: PlanDocument) -> float:
-    """Return how high all stands at the most that a plan prints, or that stood there before."""
-    both = [c.points[:, 2] for c in (document.contours, document.printed) if c is not None]
-    return float(np.concatenate(both).max(initial=0.0))
+def top_of(*stands: Contours | None) -> float:
+    """Return how high all of this stands, mm; None: nothing."""
+    return max(float(c.points[:, 2].max(initial=0.0)) for c in stands if c is not None)
 
 
 def routes_to_parks(
@@ -80,9 +79,7 @@ def routes_to_parks(
     places |= {name: _boxes(line) for name, line in standing.items()}
     parks = {head.name: np.array([[*head.park, *head.park]]) for head in machine.heads}
     found = list[Route]()
-    waiting = [
-        name for name in standing if float(np.abs(places[name] - parks[name]).max()) >= SAME_MM
-    ]
+    waiting = [name for name in standing if not same_place(places[name], parks[name])]
     while waiting:
         for name in waiting:
             route = _clear_route(machine, machine.head(name), places, top_mm + ABOVE_MM)

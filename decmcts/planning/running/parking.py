@@ -41,7 +41,7 @@ def parking_plan(
         When some head has no clear path.
     """
     lines = {name: np.array([at], np.float64) for name, at in standing.items()}
-    routes = routes_to_parks(machine, lines, fenced, top_of(document))
+    routes = routes_to_parks(machine, lines, fenced, top_of(document.contours, document.printed))
     order = [(route.head, route.path(standing[route.head])) for route in routes]
     gone = {name for name, _ in order}
     order += [(name, np.empty((0, 3))) for name in standing if name not in gone]

@@ -64,8 +64,8 @@ class Carried:
 
     @property
     def begun(self) -> bool:
-        """Whether a head has begun an action of it; one may fail that only holds it."""
-        return any(event.kind is EventKind.BEGAN for event in self.events)
+        """Whether it is the first, or a head began an action of it; one may fail that holds it."""
+        return not self.number or any(event.kind is EventKind.BEGAN for event in self.events)
 
     def count(self, head: int) -> int:
         """Return how many actions a head carries out of this plan."""

@@ -80,7 +80,7 @@ class RunResult:
     @property
     def prints(self) -> list[Carried]:
         """The plan, and those that print and that heads began, each of what the last one left."""
-        return [p for p in self.plans if p.is_print and (p.begun or not p.number)]
+        return [carried for carried in self.plans if carried.is_print and carried.begun]
 
     def logs(self) -> list[EventLog]:
         """Return the events of each of `prints`."""

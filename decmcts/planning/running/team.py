@@ -112,7 +112,7 @@ class Team:
 
     def begun(self) -> list[Carried]:
         """Return the plans that heads began; the first of all counts in any case."""
-        return [carried for carried in self.plans if carried.begun or not carried.number]
+        return [carried for carried in self.plans if carried.begun]
 
     def printing(self) -> Carried:
         """Return the last plan that prints and that heads began."""

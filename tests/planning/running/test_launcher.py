@@ -333,16 +333,22 @@ def test_a_head_that_fails_before_a_plan_is_begun_has_not_begun_it(desk: Desk) -
     assert desk.team.printing().number == 0
 
 
+def clogged_beside_one_that_holds_the_next_plan(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Clog the right head in the first plan; return how far the left one had gone on in it."""
+    monkeypatch.setattr(renewing, "MORE_S", -4.0)
+    parked(desk)
+    before = desk.team.plans[0].until[LEFT]
+    desk.says(LEFT, Ready(1, ""))
+    desk.clog(RIGHT)
+    return before
+
+
 def test_a_head_that_holds_the_next_plan_goes_on_no_further_in_this_one(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What it had still been given was taken to be printed, and nobody printed it."""
-    monkeypatch.setattr(renewing, "MORE_S", -4.0)
-    parked(desk)
-    before = desk.team.plans[0].until[LEFT]
+    before = clogged_beside_one_that_holds_the_next_plan(desk, monkeypatch)
     assert before < len(desk.launcher.document.plan.heads[LEFT])
-    desk.says(LEFT, Ready(1, ""))
-    desk.clog(RIGHT)
     desk.hold(1, 0, released=before)
     assert desk.team.plans[0].until[LEFT] == before
     assert desk.begun[-1].standing["left"] == desk.team.plans[0].stands(LEFT, before)
@@ -352,11 +358,7 @@ def test_others_do_not_count_on_what_a_head_can_do_no_more(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither where the rest cannot be planned."""
-    monkeypatch.setattr(renewing, "MORE_S", -4.0)
-    parked(desk)
-    before = desk.team.plans[0].until[LEFT]
-    desk.says(LEFT, Ready(1, ""))
-    desk.clog(RIGHT)
+    before = clogged_beside_one_that_holds_the_next_plan(desk, monkeypatch)
     desk.hold(1, 0)
     desk.launcher.take(NotRenewed(desk.begun[-1], "for once", parked=False))
     assert desk.team.plans[0].until[LEFT] == before
