@@ -12,11 +12,13 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.controller.motion import Motion
-from decmcts.formats.gcode.document import Arcs
+from decmcts.formats.gcode.document import NO_ARC, Arcs
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from sim.arrays import Flags, Floats, Ints
 from sim.content.inventory import NO_MATCH, altered
@@ -83,6 +85,36 @@ def turns_of_print(job: PrintJob, document: GcodeDocument) -> Turns:
         contours.extrusion[1:], contours.feed[1:], np.asarray(contours.line, np.int64)[owner],
         owner,
     )  # fmt: skip
+
+
+def in_parts(
+    document: GcodeDocument, whole: Contours, pieces: Contours, row: Ints, arc: Ints
+) -> tuple[NDArray[np.int32], Arcs]:
+    """Return the arcs of a cut print: each part of an arc is one, with I and J from its own begin.
+
+    Parameters
+    ----------
+    document, whole
+        The source and its contours.
+    row, arc : (n_points,)
+        Of each point of the pieces: the source's point it is of, and the source's arc or NO_ARC.
+    """
+    table, there = document.arcs, document.point_arc != NO_ARC
+    first = np.flatnonzero(there & (np.diff(document.point_arc, prepend=NO_ARC) != 0))
+    last = np.flatnonzero(there & (np.diff(document.point_arc, append=NO_ARC) != 0))
+    number = document.point_arc[first].astype(np.int64)
+    centre = np.full((len(table.words), 2), np.nan)
+    centre[number] = _centres(table, number, whole.points[first - 1], whole.points[last])
+    part = (np.diff(arc, prepend=NO_ARC) != 0) | (np.diff(row, prepend=NO_MATCH) != 1)
+    begins = np.flatnonzero((arc != NO_ARC) & part)
+    number = arc[begins].astype(np.int64)
+    away = centre[number] - pieces.points[begins - 1, :2]
+    words = np.column_stack([away, np.full(len(begins), np.nan)])
+    count = np.cumsum((arc != NO_ARC) & part) - 1
+    parts = Arcs(
+        centre[number], table.clockwise[number], table.partible[number], words, table.decimals
+    )
+    return np.where(arc != NO_ARC, count, NO_ARC).astype(np.int32), parts
 
 
 def _turns(

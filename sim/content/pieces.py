@@ -17,6 +17,7 @@ from decmcts.formats.gcode.document import NO_ARC
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
 from sim.arrays import Flags, Floats, Ints
+from sim.content.arcs import in_parts
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 EXACT = 1e-9  # of places along a contour, of mm and of mm of filament
@@ -62,19 +63,22 @@ class Parted:
     job: PrintJob
     faults: tuple[Fault, ...] = ()
     row: Ints | None = None  # (n_points,) the source's point each is of; None: nothing is cut
+    whole: Contours | None = None  # of the source, where `row` is
 
     def text(self, document: GcodeDocument) -> GcodeDocument:
         """Return the source's text as pieces have it."""
         pieces = self.job.contours
-        if self.row is None or pieces.of is None or pieces.along is None:
+        whole, row = self.whole, self.row
+        if whole is None or row is None or pieces.of is None or pieces.along is None:
             return document
         begins, first = pieces.offsets[:-1], np.zeros(len(pieces.points), np.bool_)
         first[begins] = True
-        arc, owed = document.point_arc[self.row], document.owed[pieces.of]
+        arc, owed = document.point_arc[row].astype(np.int64), document.owed[pieces.of]
         arc[first | (pieces.extrusion == 0.0)] = NO_ARC  # no chord ends there
         owed[pieces.along[begins] > 0.0] = 0.0
-        state = document.point_state[self.row]
-        return replace(document, point_state=state, point_arc=arc, owed=owed)
+        point_arc, arcs = in_parts(document, whole, pieces, row, arc)
+        state = document.point_state[row]
+        return replace(document, point_state=state, point_arc=point_arc, arcs=arcs, owed=owed)
 
 
 def parted_source(
@@ -112,7 +116,7 @@ def parted_source(
     for point in np.sort(ahead)[::-1].tolist():  # a hop leads to what is printed behind it
         row[point] = row[point + 1]
     rates = None if source.acceleration is None else source.acceleration[row]
-    return Parted(replace(source, contours=pieces, acceleration=rates), (), row)
+    return Parted(replace(source, contours=pieces, acceleration=rates), (), row, contours)
 
 
 def _named(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> list[Fault]:
