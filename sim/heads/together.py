@@ -354,12 +354,15 @@ def _check_end(
     """Return how the state and the filament differ from the source's where its end code begins.
 
     That is at row `begins`. With `others` the source ends with another head's tool, and filament
-    is not compared.
+    is not compared. What the source's first bead leaves retracted behind the start code may stay
+    so: a head that prints nothing has no bead that makes up for it.
     """
     above, end = begins - 1, document.end
     modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
     words = []
-    differs = abs(owed - end.pulled) > OWED_MM or bool(modes[3]) != end.firmware_retracted
+    left = max(0.0, *(start.pulled - start.owed for start in document.starts))
+    more = owed - end.pulled
+    differs = not -OWED_MM <= more <= left + OWED_MM or bool(modes[3]) != end.firmware_retracted
     if not others and differs:
         words.append(f"{owed:.3f} mm are retracted, in the source {end.pulled:.3f}")
     if bool(modes[1]) != end.relative_e:

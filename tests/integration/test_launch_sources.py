@@ -98,3 +98,15 @@ def bowed(text: str, words: str, radius: float = 20_000.0) -> str:
             rows[k] = f"G3 X{to[0]:.3f} Y{to[1]:.3f} {where} E{move[3]}"
         at = to
     return "\n".join(rows)
+
+
+@pytest.mark.usefixtures("agents_here")
+def test_a_head_that_prints_nothing_leaves_filament_as_the_start_code_does(tmp_path):
+    """The start code pulls more than the first bead pushes; no bead of such a head makes up for it.
+
+    The source ends with nothing retracted.
+    """
+    source = tmp_path / "in.gcode"
+    source.write_text(made_gcode(FOUR[:1]).replace("G1 E-0.80000", "G1 E-1.50000", 1))
+    _, right = launched(source, "dual-gantry")
+    assert not re.search(r"^G1 X\S+ Y\S+ E", right, re.M)
