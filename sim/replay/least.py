@@ -77,7 +77,7 @@ def _accelerations(
 ) -> Floats:
     """Return the most acceleration of the segment that ends at each point, (n,); inf: not known.
 
-    Within a contour the highest that is set for any of its segments.
+    Within a contour the highest that is set for any of its segments; hops accelerate as travels.
     """
     contours, travelling = document.contours, np.inf
     if source is not None:
@@ -86,6 +86,7 @@ def _accelerations(
     most = np.full(len(contours), np.inf)
     if stated is not None and len(stated) == len(contours.points) and len(contours):
         own = np.where(stated > 0.0, stated, limits.acceleration)
+        own[contours.extrusion == 0.0] = np.maximum(own[contours.extrusion == 0.0], travelling)
         own[contours.offsets[:-1]] = 0.0
         most = np.maximum.reduceat(own, contours.offsets[:-1])
     prints = np.flatnonzero(actions.kind == ActionKind.PRINT)

@@ -10,7 +10,8 @@ import pytest
 
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
-from decmcts.print.motion import path_times
+from decmcts.print.motion import contour_times, path_times
+from decmcts.print.plan import ActionKind
 from sim.faults import FaultKind
 from sim.replay.least import corner_at_most, from_rest, least_arrivals, least_time, least_times
 from sim.verify import verify_plan
@@ -116,6 +117,25 @@ def test_a_source_states_feeds_and_accelerations(make):
     length = np.array([np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths])
     assert (known >= length / 50.0 - 1e-9).all() and (unknown <= known).all()
     assert unknown[0] < 0.5 * known[0]
+
+
+def test_hops_between_stretches_of_a_contour_accelerate_as_travels_do(make):
+    """Nothing is printed in them; the planner's own time for such a contour can be kept."""
+    document = make.tower_plan()
+    head, contours = document.plan.heads[0], document.contours
+    hops = contours.extrusion.copy()
+    hops[2::2] = 0.0
+    contours = replace(contours, extrusion=hops, feed=np.full(len(hops), 150.0))
+    settings = ProcessSettings(travel_feed=150.0, travel_acceleration=5000.0)
+    least = least_arrivals(
+        replace(document, contours=contours), head, PrintJob("made", contours, settings), rests=True
+    )
+    limits = replace(document.machine.limits, travel_acceleration=5000.0)
+    takes = contour_times(contours, limits)
+    prints = np.flatnonzero(head.kind == ActionKind.PRINT)
+    least = least[head.path_offsets[prints + 1] - 1]
+    assert (least <= takes[head.contour[prints]] + 1e-9).all()
+    assert least == pytest.approx(takes[head.contour[prints]], rel=0.2)
 
 
 @pytest.mark.parametrize("name", ["makespan_s", "emitted_travel_mm", "contours"])
