@@ -135,7 +135,7 @@ def test_hops_between_stretches_of_a_contour_accelerate_as_travels_do(make):
     prints = np.flatnonzero(head.kind == ActionKind.PRINT)
     least = least[head.path_offsets[prints + 1] - 1]
     assert (least <= takes[head.contour[prints]] + 1e-9).all()
-    assert least == pytest.approx(takes[head.contour[prints]], rel=0.2)
+    assert (least > 0.5 * takes[head.contour[prints]]).all()
 
 
 @pytest.mark.parametrize("name", ["makespan_s", "emitted_travel_mm", "contours"])
