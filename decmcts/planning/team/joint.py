@@ -22,6 +22,7 @@ from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.planned import Planned, document_of
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.team.beside import begun
+from decmcts.planning.team.cutting import GAIN
 from decmcts.planning.team.outcome import Outcome
 from decmcts.print.cut import late_contours
 from decmcts.print.lags_kernels import Lags
@@ -104,7 +105,8 @@ def best_of(
 ) -> tuple[Prepared, PlanDocument]:
     """Return the exact plan of what was agreed, or of one head alone where that is faster.
 
-    Also which print it is of: one head alone prints its contours whole.
+    Also which print it is of: one head alone prints its contours whole. So it does where cuts gain
+    next to nothing.
     """
     problem, result = ready.problem, outcome.result
     agreement = None if result is None else result.agreement
@@ -127,7 +129,8 @@ def best_of(
         "one_head_s": whole.lone_plan.makespan_s,
         **outcome.metrics(),
     }
-    if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
+    worth = 1.0 if ready.whole is None else GAIN
+    if joint is not None and joint.makespan_s <= worth * alone.metrics["makespan_s"]:
         return ready, document_of(problem, joint, extra)
     return whole, dataclasses.replace(alone, metrics={**extra, **alone.metrics})
 

@@ -25,7 +25,7 @@ from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.problem.source import read_source
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
-from decmcts.planning.team import cutting
+from decmcts.planning.team import cutting, joint
 from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.joint import sweep_plan
 from decmcts.planning.team.pipeline import plan_team, prepared, swept
@@ -90,6 +90,17 @@ def test_a_machine_may_list_its_heads_in_any_order(tmp_path: Path, listed: tuple
     assert other.makespan_s == pytest.approx(first.makespan_s, rel=2e-3)  # ties fall otherwise
     prints = [np.bincount(one.order.head, minlength=len(listed)) for one in (first, other)]
     assert prints[1] == pytest.approx(prints[0][list(listed)], rel=0.05)
+
+
+def test_cuts_that_gain_next_to_nothing_over_one_head_are_not_made(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Then one head prints whole contours."""
+    monkeypatch.setattr(joint, "GAIN", 0.1)
+    problem = problem_of(read(source, "dual-gantry"), Rules(), unheard)
+    planned = plan_team(problem, TeamSearch(0.5, cut=Cut.ALL), writes=False, agents=Agents())
+    assert planned.after.contours.of is None
+    assert planned.after.metrics["planner"] == "local, one head"
 
 
 def test_prints_whose_order_no_message_holds_are_cut(
