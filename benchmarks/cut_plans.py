@@ -35,7 +35,7 @@ from team_prints import plate_path
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.plans.plan_json import CUT_VERSION, read_plan
-from decmcts.planning.verifying.heads import judge_heads, read_as_asked
+from decmcts.planning.verifying.heads import judge_heads, read_as_asked, read_as_planned
 from decmcts.print.job import PrintJob
 from sim.verify import verify_plan
 from tests.makers.slab import slab_gcode
@@ -189,7 +189,9 @@ def _try(
             for name, text in lines.items():
                 (folder / name).write_text("\n".join(text) + "\n")
             paths = [folder / name for name in lines]
-            faults = judge_heads(paths, subject.source, read_plan(path)).faults
+            document = read_plan(path)
+            source = read_as_planned(document, subject.source, None, without_tower=False)
+            faults = judge_heads(paths, source, document).faults
     except InputError as error:
         return str(error).replace(f"{folder}/", "")
     except Exception:  # what a judge must never do, and is counted

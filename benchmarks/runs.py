@@ -51,9 +51,10 @@ from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Event, Note
 from decmcts.planning.launch import launch
 from decmcts.planning.options import Limits, TeamSearch
+from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.problem.source import Source
 from decmcts.planning.read import read
-from decmcts.planning.replanning.replan import replan, rest_of, rules_of
+from decmcts.planning.replanning.replan import replan, rest_of
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.recorded import Carried

@@ -12,7 +12,6 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode import GcodeDocument, Motions
@@ -61,14 +60,14 @@ def turns_of(motions: Motions, *, all_moves: bool = True) -> Turns:
     if motions.arc is None or motions.arcs is None:
         return _turns(np.zeros(0, np.int64), Arcs.none(), np.zeros((1, 3)), *_NO_MOVES)
     contour = np.asarray(motions.contour, np.int64)
-    arc = np.where((contour >= 0) | all_moves, np.asarray(motions.arc, np.int64), NO_MATCH)
+    arc = np.where((contour >= 0) | all_moves, np.asarray(motions.arc, np.int64), NO_ARC)
     line = np.asarray(motions.line, np.int64)
     return _turns(arc, motions.arcs, motions.points, motions.extrusion, motions.feed, line, contour)
 
 
 def turns_between(motion: Motion, begin: int, end: int) -> Turns:
     """Return the arcs of the moves begin..end - 1 of a file, of no contour that is known."""
-    arc = np.full(len(motion.arc), NO_MATCH, np.int64)
+    arc = np.full(len(motion.arc), NO_ARC, np.int64)
     arc[begin:end] = motion.arc[begin:end]
     none = np.full(len(arc), NO_MATCH, np.int64)
     return _turns(
@@ -87,43 +86,47 @@ def turns_of_print(job: PrintJob, document: GcodeDocument) -> Turns:
     )  # fmt: skip
 
 
-def in_parts(
-    document: GcodeDocument, whole: Contours, pieces: Contours, row: Ints, arc: Ints
-) -> tuple[NDArray[np.int32], Arcs]:
-    """Return the arcs of a cut print: each part of an arc is one, with I and J from its own begin.
+def arcs_of_parts(
+    points: Floats, arc: Ints, source: Contours, document: GcodeDocument
+) -> tuple[Ints, Arcs]:
+    """Return the arcs of a print's pieces, (n_points,) and their table.
+
+    Each part of an arc is an arc of its own, its centre counted from where the part begins.
 
     Parameters
     ----------
-    document, whole
-        The source and its contours.
-    row, arc : (n_points,)
-        Of each point of the pieces: the source's point it is of, and the source's arc or NO_ARC.
+    arc : (n_points,)
+        The source's arc that each segment of the pieces is a chord of, by the point at its end.
     """
-    table, there = document.arcs, document.point_arc != NO_ARC
-    first = np.flatnonzero(there & (np.diff(document.point_arc, prepend=NO_ARC) != 0))
-    last = np.flatnonzero(there & (np.diff(document.point_arc, append=NO_ARC) != 0))
-    number = document.point_arc[first].astype(np.int64)
-    centre = np.full((len(table.words), 2), np.nan)
-    centre[number] = _centres(table, number, whole.points[first - 1], whole.points[last])
-    part = (np.diff(arc, prepend=NO_ARC) != 0) | (np.diff(row, prepend=NO_MATCH) != 1)
-    begins = np.flatnonzero((arc != NO_ARC) & part)
-    number = arc[begins].astype(np.int64)
-    away = centre[number] - pieces.points[begins - 1, :2]
-    words = np.column_stack([away, np.full(len(begins), np.nan)])
-    count = np.cumsum((arc != NO_ARC) & part) - 1
+    table, own = document.arcs, np.asarray(document.point_arc, np.int64)
+    centre = np.zeros((len(table.clockwise), 2))
+    begins, stops = _runs(own)
+    number = own[begins]
+    centre[number] = _centres(table, number, source.points[begins - 1], source.points[stops])
+    begins, _ = _runs(arc)
+    number = arc[begins]
+    words = np.full((len(number), 3), np.nan)
+    words[:, :2] = centre[number] - points[begins - 1, :2]
+    part = np.cumsum(np.isin(np.arange(len(arc)), begins)) - 1
     parts = Arcs(
         centre[number], table.clockwise[number], table.partible[number], words, table.decimals
     )
-    return np.where(arc != NO_ARC, count, NO_ARC).astype(np.int32), parts
+    return np.where(arc == NO_ARC, NO_ARC, part), parts
+
+
+def _runs(arc: Ints) -> tuple[Ints, Ints]:
+    """Return the first and the last chord of each arc."""
+    begins = np.flatnonzero((arc != NO_ARC) & (np.diff(arc, prepend=NO_ARC) != 0))
+    stops = np.flatnonzero((arc != NO_ARC) & (np.diff(arc, append=NO_ARC) != 0))
+    return begins, stops
 
 
 def _turns(
     arc: Ints, table: Arcs, points: Floats, extrusion: Floats, feed: Floats, line: Ints,
     contour: Ints,
 ) -> Turns:  # fmt: skip
-    """Return the arcs of which moves have these numbers, NO_MATCH: of no arc."""
-    begins = np.flatnonzero((arc != NO_MATCH) & (np.diff(arc, prepend=NO_MATCH) != 0))
-    stops = np.flatnonzero((arc != NO_MATCH) & (np.diff(arc, append=NO_MATCH) != 0))
+    """Return the arcs of which moves have these numbers, NO_ARC: of no arc."""
+    begins, stops = _runs(arc)
     laid = np.concatenate([[0.0], np.cumsum(extrusion)])
     lays = laid[stops + 1] > laid[begins]
     begins, stops = begins[lays], stops[lays]

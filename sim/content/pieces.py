@@ -17,7 +17,7 @@ from decmcts.formats.gcode.document import NO_ARC
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
 from sim.arrays import Flags, Floats, Ints
-from sim.content.arcs import in_parts
+from sim.content.arcs import arcs_of_parts
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 EXACT = 1e-9  # of places along a contour, of mm and of mm of filament
@@ -63,22 +63,23 @@ class Parted:
     job: PrintJob
     faults: tuple[Fault, ...] = ()
     row: Ints | None = None  # (n_points,) the source's point each is of; None: nothing is cut
-    whole: Contours | None = None  # of the source, where `row` is
+    whole: Contours | None = None  # the source's contours, where something is cut
 
     def text(self, document: GcodeDocument) -> GcodeDocument:
         """Return the source's text as pieces have it."""
         pieces = self.job.contours
-        whole, row = self.whole, self.row
-        if whole is None or row is None or pieces.of is None or pieces.along is None:
+        if self.row is None or self.whole is None or pieces.of is None or pieces.along is None:
             return document
         begins, first = pieces.offsets[:-1], np.zeros(len(pieces.points), np.bool_)
         first[begins] = True
-        arc, owed = document.point_arc[row].astype(np.int64), document.owed[pieces.of]
+        arc, owed = document.point_arc[self.row], document.owed[pieces.of]
         arc[first | (pieces.extrusion == 0.0)] = NO_ARC  # no chord ends there
         owed[pieces.along[begins] > 0.0] = 0.0
-        point_arc, arcs = in_parts(document, whole, pieces, row, arc)
-        state = document.point_state[row]
-        return replace(document, point_state=state, point_arc=point_arc, arcs=arcs, owed=owed)
+        part, arcs = arcs_of_parts(pieces.points, np.asarray(arc, np.int64), self.whole, document)
+        return replace(
+            document, point_state=document.point_state[self.row], owed=owed,
+            point_arc=part.astype(np.int32), arcs=arcs,
+        )  # fmt: skip
 
 
 def parted_source(

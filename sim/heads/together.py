@@ -8,7 +8,7 @@ together must order what the plan orders (`sim.heads.order`), so a single file p
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -205,7 +205,7 @@ def walk_file(
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
-    arcs = _check_arcs(file, part, actions, turns_of_print(job, document))
+    arcs = _check_arcs(file, part, actions, waited, turns_of_print(job, document))
     return Walked(whole, part, walk, faults + arcs, idling)
 
 
@@ -266,10 +266,16 @@ def _check_filament(
     return check_filament(heads, dues_of(source, job, document), job, document)
 
 
-def _check_arcs(file: HeadFile, part: FileParts, actions: HeadActions, arcs: Turns) -> list[Fault]:
-    """Check that a head's file has the arcs of the contours it prints, and no other."""
+def _check_arcs(
+    file: HeadFile, part: FileParts, actions: HeadActions, waited: Mapping[int, int], arcs: Turns
+) -> list[Fault]:
+    """Check that a head's file has the arcs of the contours it prints, and no other.
+
+    Those within which it signals may come in parts (`waited`, of actions).
+    """
     prints = actions.kind == ActionKind.PRINT
-    moved = set(actions.contour[prints & (actions.entry > 0)].tolist())
+    told = np.isin(np.arange(len(actions)), list(waited))
+    moved = set(actions.contour[prints & ((actions.entry > 0) | told)].tolist())
     due = arcs.of(set(actions.contour[prints].tolist()))
     return check_arcs(turns_between(file.motion, part.begin, part.end), due, moved)
 

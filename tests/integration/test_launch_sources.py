@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from decmcts.cli.run import run
 from sim.experiments.made_print import made_gcode
 from tests.formats.gcode.text.packed import gcode_3mf
 from tests.makers.scarf import scarf_gcode
-from tests.prints import slab
 
 pytestmark = pytest.mark.slow
 
@@ -60,44 +58,6 @@ def test_scarf_seams(tmp_path):
     source = tmp_path / "in.gcode"
     source.write_text(scarf_gcode([(60.0, 100.0), (100.0, 100.0), (220.0, 100.0)]))
     launched(source, "dual-gantry")
-
-
-@pytest.mark.parametrize("words", ["I J", "R"])
-def test_arcs_that_are_cut(tmp_path, words):
-    """Parts of an arc are arcs around its centre; another centre is not the source's."""
-    source = slab(tmp_path / "in.gcode")
-    source.write_text(bowed(source.read_text(), words))
-    stem, plan = tmp_path / "out", str(tmp_path / "plan.json")
-    given = [str(source), "--machine", "dual-gantry", "--cut", "all"]
-    assert run(["launch", *given, "--time-limit", "0.3", "--plan", plan, "-o", str(stem)]) == 0
-    names = sorted(str(path) for path in tmp_path.glob("out_*.gcode"))
-    judged = ["verify", *names, "--source", str(source), "--plan", plan]
-    assert run(judged) == 0
-    arcs = [len(re.findall(r"^G[23] ", Path(name).read_text(), re.M)) for name in names]
-    assert sum(arcs) > len(re.findall(r"^G[23] ", source.read_text(), re.M))
-    text = Path(names[0]).read_text()
-    arc = re.search(r"^(G[23] X\S+ Y\S+) I(\S+) J(\S+)", text, re.M)
-    moved = f"{arc[1]} I{float(arc[2]):.3f} J{-float(arc[3]):.3f}"
-    Path(names[0]).write_text(text.replace(arc[0], moved))
-    assert run(judged) == 1
-
-
-def bowed(text: str, words: str, radius: float = 20_000.0) -> str:
-    """Return a print whose long straight segments are arcs instead, so flat that all still fits."""
-    rows, at = text.split("\n"), (0.0, 0.0)
-    for k, row in enumerate(rows):
-        if (move := re.match(r"G1 X(\S+) Y(\S+)(?: E(\S+))?", row)) is None:
-            continue
-        to = float(move[1]), float(move[2])
-        half = math.dist(at, to) / 2.0
-        if move[3] and half > 60.0:
-            high = math.sqrt(radius**2 - half**2) / half / 2.0
-            x, y = to[0] - at[0], to[1] - at[1]
-            centre = f"I{x / 2.0 - y * high:.5f} J{y / 2.0 + x * high:.5f}"
-            where = centre if words == "I J" else f"R{radius:.3f}"
-            rows[k] = f"G3 X{to[0]:.3f} Y{to[1]:.3f} {where} E{move[3]}"
-        at = to
-    return "\n".join(rows)
 
 
 @pytest.mark.usefixtures("agents_here")

@@ -26,7 +26,7 @@ from decmcts.cli.terminal import SafeConsole
 from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, is_mesh
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, is_mesh, refuse_other_shape
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Step, unheard
@@ -215,6 +215,7 @@ def refuse_for_gcode(context: typer.Context, source: Path) -> None:
     """Raise InputError for an option of meshes given with a file that is none."""
     if is_mesh(source):
         return
+    refuse_other_shape(source)
     for name, spellings in opt.given(context).items():
         if name in opt.MESH_OPTIONS:
             raise InputError(

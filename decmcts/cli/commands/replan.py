@@ -23,11 +23,12 @@ from decmcts.formats.mesh import SliceOptions, is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
 from decmcts.planning.options import Cut, Limits
+from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads
 from decmcts.planning.replanning.other_tools import other_tools, refuse_unfit
 from decmcts.planning.replanning.park_files import park_paths, refuse_earlier
-from decmcts.planning.replanning.replan import Rest, rest_of, rules_of, search_of
+from decmcts.planning.replanning.replan import Rest, rest_of, search_of
 from decmcts.planning.replanning.replan import replan as plan_rest
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result

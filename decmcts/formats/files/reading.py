@@ -88,7 +88,7 @@ def parse_toml(content: bytes, path: Path, kind: str, *, page: str) -> Mapping[s
     """Return what a TOML file that holds `content` says; raises InputError as `read_toml`."""
     with one_line(path, kind):
         try:
-            return tomllib.loads(content.decode("utf-8"))
+            return tomllib.loads(content.decode("utf-8-sig"))
         except tomllib.TOMLDecodeError as error:
             found = _AT_LINE.search(str(error))
             raise InputError(

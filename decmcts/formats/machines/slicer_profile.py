@@ -124,7 +124,7 @@ def machine_from_ini(path: Path, name: str | None) -> Machine:
 def _sections(path: Path) -> dict[str, Settings]:
     """Return the settings in each section of an INI file, those above all under ''."""
     with one_line(path, "profile"):
-        lines = read_bytes(path).decode("utf-8").splitlines()
+        lines = read_bytes(path).decode("utf-8-sig").splitlines()
     found: dict[str, Settings] = {"": {}}
     here = found[""]
     for number, line in enumerate(lines, 1):

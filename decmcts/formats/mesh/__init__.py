@@ -15,12 +15,18 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, read_gcode
-from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions, is_mesh
+from decmcts.formats.mesh.options import (
+    MESH_SUFFIXES,
+    SliceOptions,
+    is_mesh,
+    refuse_other_shape,
+)
 from decmcts.print.job import PrintJob
 from decmcts.version import __version__
 
 __all__ = [
-    "MESH_SUFFIXES", "SliceOptions", "is_mesh", "read_sliced", "slice_mesh", "slice_to_gcode",
+    "MESH_SUFFIXES", "SliceOptions", "is_mesh", "read_sliced", "refuse_other_shape", "slice_mesh",
+    "slice_to_gcode",
 ]  # fmt: skip
 
 
@@ -63,6 +69,15 @@ def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str
     chosen = options or SliceOptions()
     source = Path(path)
     solid = load_solid(source, chosen.center)
+    if chosen.largest is not None and (solid.extents > chosen.largest).any():
+        size, most = (
+            " x ".join(f"{x:.4g}" for x in xyz) for xyz in (solid.extents, chosen.largest)
+        )
+        raise InputError(
+            f"the mesh is {size} mm, larger than what can be printed, {most} mm",
+            path=source,
+            advice="check its units, or choose a larger machine",
+        )
     layers = cut_layers(solid, chosen.first_layer_height, chosen.layer_height)
     lines = list(gcode_lines(sliced(layers, chosen), chosen))
     if not any(line.startswith(";TYPE:") and line != ";TYPE:Custom" for line in lines):

@@ -6,18 +6,34 @@ import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from decmcts.arguments import check_fields
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import has_plates
 from decmcts.print.machine import Machine
 
 MESH_SUFFIXES = (".stl", ".3mf", ".obj")
+OTHER_SHAPES = (
+    ".ply", ".off", ".glb", ".gltf", ".amf", ".dae", ".fbx", ".x3d", ".wrl", ".step", ".stp",
+    ".iges", ".igs", ".brep", ".f3d", ".fcstd", ".scad", ".blend", ".skp",
+)  # fmt: skip
 _WIDTH_PER_NOZZLE = 1.125  # what PrusaSlicer takes for a 0.4 mm nozzle: 0.45 mm
 
 
 def is_mesh(path: Path) -> bool:
     """Tell whether a file is a mesh, by its name; a .3mf is one where no plate has G-code."""
     return path.suffix.lower() in MESH_SUFFIXES and not has_plates(path)
+
+
+def refuse_other_shape(path: Path) -> None:
+    """Raise InputError for a mesh or model of a kind that is not read, by its name."""
+    if (suffix := path.suffix.lower()) in OTHER_SHAPES:
+        raise InputError(
+            f"a {suffix} is not read", path=path,
+            advice=f"export the model as {', '.join(MESH_SUFFIXES)}, or slice it and give the "
+            "G-code",
+        )  # fmt: skip
 
 
 _COUNTS = ("perimeters", "top_layers", "bottom_layers", "skirts")
@@ -83,6 +99,7 @@ class SliceOptions:
     bottom_layers: int = 3
     center: tuple[float, float] | None = (125.0, 105.0)  # of the whole mesh; None: as in the file
     bed: Bed = field(default_factory=Bed)  # for the end code and other slicers
+    largest: tuple[float, float, float] | None = None  # larger meshes are refused; None: none is
     skirts: int = 0  # loops around the first layer, which also prime the nozzle
     skirt_distance: float = 6.0
     fan_percent: float = 0.0  # from the second layer on
@@ -120,7 +137,13 @@ class SliceOptions:
     def for_machine(self, machine: Machine) -> SliceOptions:
         """Return the same options for a mesh in the middle of a machine's bed."""
         bed = Bed.of(machine)
-        return replace(self, bed=bed, center=bed.center)
+        return replace(self.no_larger_than(machine), bed=bed, center=bed.center)
+
+    def no_larger_than(self, machine: Machine) -> SliceOptions:
+        """Return the same options that refuse what a machine has no space for."""
+        width, depth = np.subtract(machine.bed_max, machine.bed_min).tolist()
+        height = max(head.reach_max[2] for head in machine.heads)
+        return replace(self, largest=(width, depth, height))
 
     @property
     def bead_width(self) -> float:

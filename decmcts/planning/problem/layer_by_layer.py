@@ -156,7 +156,7 @@ def _write(source: Source, order: NDArray[np.int32], draft: Path) -> Verdict:
 
 
 def _one_head(machine: Machine, contours: Contours) -> Machine:
-    """Return the machine with its first head alone, which reaches everything if it had others."""
+    """Return the machine with one head alone, which reaches everything if it had others."""
     alone = machine if len(machine.heads) == 1 else lone_machine(machine)
     return parked_above(alone, contours)
 

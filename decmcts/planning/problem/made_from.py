@@ -1,10 +1,18 @@
-"""Whether a source is the print that a plan was made of."""
+"""Whether a source is the print that a plan was made of, and in which reading of it."""
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
+from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
+from decmcts.planning.events import unheard
+from decmcts.planning.options import Freedom, ProcessOrder, Rules
+from decmcts.planning.problem.layer_by_layer import safe_problem
+from decmcts.planning.problem.own_tools import towerless
+from decmcts.planning.problem.source import Source
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
 from sim.content.pieces import epochs_of_source, parted_source
@@ -29,3 +37,55 @@ def is_made_from(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> 
             as_cut, _ = as_planned(epochs_of_source(ours), document.machine, job, text)
             same = not parted_source(ours, as_cut, cut).faults
     return bool(same)
+
+
+def source_of(document: PlanDocument, named: Source) -> Source:
+    """Return a source as a plan was made of it.
+
+    Without its wipe tower if the plan has none; in a safe order where the source's own is none.
+
+    Raises
+    ------
+    InputError
+        Where it is not the print of the plan.
+    """
+    found = in_safe_order(document, named)
+    if is_made_from(document, found.job, found.document):
+        return found
+    with suppress(InputError):
+        found = towerless(named)
+        if is_made_from(document, found.job, found.document):
+            return found
+    raise InputError(
+        f"the source is not the print of this plan ({len(named.job.contours)} contours; the plan "
+        f"has {_count(document)})",
+        advice="name the file that was planned, unchanged",
+    )
+
+
+def in_safe_order(document: PlanDocument, named: Source) -> Source:
+    """Return a source layer by layer where a plan was made of that, else as it is."""
+    same = is_made_from(document, named.job, named.document)
+    if same or len(named.job.contours) != _count(document):
+        return named
+    with suppress(InputError):
+        found = safe_problem(named, rules_of(document), unheard).source
+        if is_made_from(document, found.job, found.document):
+            return found
+    return named
+
+
+def _count(document: PlanDocument) -> int:
+    """Return how many contours of its source a plan has."""
+    return len(np.unique(document.contours.sources))
+
+
+def rules_of(document: PlanDocument) -> Rules:
+    """Return the rules a plan was made by."""
+    made = document.rules
+    if made is None:
+        return Rules()
+    return Rules(
+        ProcessOrder(made.process_order), made.quality, document.min_layer_time_s,
+        made.max_layers_ahead, Freedom(made.freedom),
+    )  # fmt: skip

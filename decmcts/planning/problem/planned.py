@@ -74,7 +74,7 @@ def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanD
 def source_plan(problem: PrintProblem) -> PlanDocument:
     """Schedule the source's own order, the yardstick every result is compared with.
 
-    Of a machine with several heads the first prints it alone, as if it reached everything, and
+    Of a machine with several heads the quickest prints it alone, as if it reached everything, and
     no other stood in its way.
     """
     one = len(problem.machine.heads) == 1

@@ -16,7 +16,13 @@ from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.own_machine import PAGE, machine_of_text
-from decmcts.formats.mesh import SliceOptions, is_mesh, read_sliced, slice_mesh
+from decmcts.formats.mesh import (
+    SliceOptions,
+    is_mesh,
+    read_sliced,
+    refuse_other_shape,
+    slice_mesh,
+)
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.exported import exported_file
@@ -76,6 +82,7 @@ def read_source(
     if not path.exists():
         raise InputError("no such file", path=path)
     require_file(path)
+    refuse_other_shape(path)
     chosen, origin = machine_for(machine, path, plate)
     if origin:
         report(Note(origin))
@@ -98,7 +105,7 @@ def read_source(
     if sliced is not None:
         job, document = read_sliced(sliced, path)
     elif isinstance(mesh, SliceOptions) and from_mesh:
-        job, document = slice_mesh(path, mesh)
+        job, document = slice_mesh(path, mesh.no_larger_than(chosen))
     else:
         job, document = read_gcode(path, plate)
     seconds.append(("read", time.perf_counter() - started))

@@ -7,7 +7,7 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,10 +25,9 @@ from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import crew_started
-from decmcts.planning.options import Cut, Freedom, ProcessOrder, Rules, TeamSearch
-from decmcts.planning.problem.layer_by_layer import safe_problem
-from decmcts.planning.problem.made_from import is_made_from
-from decmcts.planning.problem.own_tools import one_tool_each, team_problem, towerless
+from decmcts.planning.options import Cut, Rules, TeamSearch
+from decmcts.planning.problem.made_from import source_of
+from decmcts.planning.problem.own_tools import one_tool_each, team_problem
 from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
@@ -298,45 +297,6 @@ def _refuse_altered(source: Source, due: PrintJob, found: PrintJob) -> None:
             path=source.path, advice="a source that primes its first bead without having retracted "
             "before cannot be replanned yet",
         )  # fmt: skip
-
-
-def source_of(document: PlanDocument, named: Source) -> Source:
-    """Return a source as a plan was made of it.
-
-    Without its wipe tower if the plan has none; in a safe order where the source's own is none.
-
-    Raises
-    ------
-    InputError
-        Where it is not the print of the plan.
-    """
-    if is_made_from(document, named.job, named.document):
-        return named
-    for other in (towerless, partial(_made_safe, rules=rules_of(document))):
-        with suppress(InputError):
-            found = other(named)
-            if is_made_from(document, found.job, found.document):
-                return found
-    raise InputError(
-        f"the source is not the print of this plan ({len(named.job.contours)} contours; the plan "
-        f"has {len(np.unique(document.contours.sources))})",
-        advice="name the file that was planned, unchanged",
-    )
-
-
-def _made_safe(named: Source, rules: Rules) -> Source:
-    return safe_problem(named, rules, unheard).source
-
-
-def rules_of(document: PlanDocument) -> Rules:
-    """Return the rules a plan was made by."""
-    made = document.rules
-    if made is None:
-        return Rules()
-    return Rules(
-        ProcessOrder(made.process_order), made.quality, document.min_layer_time_s,
-        made.max_layers_ahead, Freedom(made.freedom),
-    )  # fmt: skip
 
 
 def search_of(

@@ -20,8 +20,9 @@ from agents.running.carrier import committed
 from agents.running.report import Reached
 from decmcts.errors import InputError, VerificationError
 from decmcts.planning.events import Note
+from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.replan import replan, rest_of, rules_of, search_of
+from decmcts.planning.replanning.replan import replan, rest_of, search_of
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.recorded import Carried

@@ -10,8 +10,8 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.planning.events import Report, Step, unheard
+from decmcts.planning.problem.made_from import source_of
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.replan import source_of
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
 from decmcts.planning.running.recorded import Carried, RecordedWait, nearest, waits_of

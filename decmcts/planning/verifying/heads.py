@@ -12,7 +12,9 @@ from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import is_mesh
+from decmcts.planning.problem.made_from import in_safe_order
 from decmcts.planning.problem.print_problem import parked_above
+from decmcts.planning.problem.source import Source
 from decmcts.planning.verifying.held import Held
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -63,16 +65,23 @@ def read_as_asked(
     return read_without_tower(document, plate) if without_tower else (job, document)
 
 
-def judge_heads(
-    paths: Sequence[Path], source: Path, plan: PlanDocument, *, plate: int | None = None,
-    without_tower: bool = False,
-) -> Verdict:  # fmt: skip
+def read_as_planned(
+    plan: PlanDocument, source: Path, plate: int | None, *, without_tower: bool
+) -> Source:
+    """Read a source as asked, and layer by layer where its plan was made of that.
+
+    What is read stands in a folder that is gone with the source that is returned.
+    """
+    job, document = read_as_asked(source, plate, without_tower=without_tower)
+    return in_safe_order(plan, Source(source, job, document, plan.machine, plate=plate))
+
+
+def judge_heads(paths: Sequence[Path], source: Source, plan: PlanDocument) -> Verdict:
     """Verify the files of all heads against the plan and the source they were made from."""
     cut = "none" if plan.rules is None else plan.rules.cut
     job, document = as_planned(
-        epochs_of_source(plan.contours), plan.machine,
-        *read_as_asked(source, plate, without_tower=without_tower),
-    )  # fmt: skip
+        epochs_of_source(plan.contours), plan.machine, source.job, source.document
+    )
     parted = parted_source(plan.contours, job, cut)
     if parted.faults:
         return Verdict(parted.faults)

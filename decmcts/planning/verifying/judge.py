@@ -15,11 +15,11 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.planning.events import Note, Report, unheard
 from decmcts.planning.problem.made_from import is_made_from
-from decmcts.planning.problem.source import machine_for
+from decmcts.planning.problem.source import Source, machine_for
 from decmcts.planning.verifying.heads import (
     judge_heads,
     judge_heads_alone,
-    read_as_asked,
+    read_as_planned,
     refuse_mesh,
     source_of,
 )
@@ -61,13 +61,12 @@ def judge_several(
             results, given, machine, held, seed=seed, trials=trials, plate=plate,
             without_tower=without_tower,
         )  # fmt: skip
-    verdict = judge(
-        plan, given, machine, held, seed=seed, trials=trials, plate=plate,
-        without_tower=without_tower,
-    )  # fmt: skip
+    document = read_plan(plan)
+    read = read_as_planned(document, given, plate_of(given, plate), without_tower=without_tower)
+    verdict = judge_plan(document, read, machine, held, seed=seed, trials=trials)
     if is_other_print(verdict.faults):
         return verdict
-    files = judge_heads(results, given, read_plan(plan), plate=plate, without_tower=without_tower)
+    files = judge_heads(results, read, document)
     every, counts = (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}
     return replace(verdict, faults=every, counts=counts)
 
@@ -86,10 +85,11 @@ def judge(
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if is_plan(result):
-        return judge_plan(
-            result, source, machine, held, seed=seed, trials=trials, plate=plate,
-            without_tower=without_tower,
-        )  # fmt: skip
+        plan, read = read_plan(result), None
+        if source is not None:
+            of_source = plate_of(source, plate)
+            read = read_as_planned(plan, source, of_source, without_tower=without_tower)
+        return judge_plan(plan, read, machine, held, seed=seed, trials=trials)
     if without_tower:
         raise InputError(
             "the file of one head keeps its wipe tower", path=result,
@@ -119,29 +119,26 @@ def judge(
 
 
 def judge_plan(
-    result: Path,
-    source: Path | None,
+    document: PlanDocument,
+    source: Source | None,
     machine: str | Machine | None,
     held: Held,
     *,
     seed: int,
     trials: int,
-    plate: int | None = None,
-    without_tower: bool = False,
 ) -> Verdict:
-    """Verify a plan file by the rules it states, or by those that `held` names.
+    """Verify a plan by the rules it states, or by those that `held` names.
 
     Stating a shorter `min_layer_time_s` than the source's slicer keeps is a fault, unless `held`
     names one.
     """
-    document = read_plan(result)
     digest = digest_of(document)
     rule = held.min_layer_time_s
     rules = held.over(document.rules or usual_rules(document.machine)) if held.any_rule else None
     job = None
     if source is not None:
-        read = read_as_asked(source, plate_of(source, plate), without_tower=without_tower)
-        job, _ = as_planned(epochs_of_source(document.contours), document.machine, *read)
+        epochs = epochs_of_source(document.contours)
+        job, _ = as_planned(epochs, document.machine, source.job, source.document)
     verdict = verify_plan(
         replace(document, min_layer_time_s=document.min_layer_time_s if rule is None else rule),
         source=job,

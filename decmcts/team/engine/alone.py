@@ -17,6 +17,8 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.space import Workspaces, build_space
 
+TRIAL_MM = 30.0  # of the travel that says which of two heads is quicker
+
 
 def share_out(
     order: NDArray[np.int32], eligible: NDArray[np.bool_], live: Sequence[int]
@@ -67,8 +69,8 @@ def one_head_toolpaths(
 ) -> list[Toolpath]:
     """Return the toolpaths, one per head, in which one head prints what it can in this order.
 
-    The head that may print most does so, of several the one that parks nearest;
-    contours it can not print go to another, and conflicting ones keep the order.
+    The head that may print most does so, of several the quickest, of these the one that parks
+    nearest; contours it can not print go to another, and conflicting ones keep the order.
 
     Parameters
     ----------
@@ -84,7 +86,8 @@ def one_head_toolpaths(
     space = build_space(job, machine, team)
     eligible = space.eligible
     require_printable(job.contours, machine, eligible, live=team)
-    return split(toolpath, eligible, nearest_first(space, team))
+    ranked = sorted(nearest_first(space, team), key=lambda r: _slowness(machine, r))
+    return split(toolpath, eligible, ranked)
 
 
 def nearest_first(space: Workspaces, team: Sequence[int]) -> list[int]:
@@ -98,11 +101,21 @@ def nearest_first(space: Workspaces, team: Sequence[int]) -> list[int]:
 
 
 def lone_machine(machine: Machine) -> Machine:
-    """Return the yardstick of a team: the first head alone, reaching everything.
+    """Return the yardstick of a team: its quickest head alone, reaching everything.
 
-    "So many times faster than one head" compares with a plan for this machine:
-    where no head reaches the whole print, `one_head_toolpaths` uses several.
+    Of equal ones the first. "So many times faster than one head" compares with a plan for this
+    machine: where no head reaches the whole print, `one_head_toolpaths` uses several.
     """
     far = 1e6
-    head = replace(machine.heads[0], reach_min=(-far,) * 3, reach_max=(far,) * 3, tools=())
-    return machine.alone(head)
+    quickest = min(range(len(machine.heads)), key=lambda r: _slowness(machine, r))
+    head = machine.heads[quickest]
+    return machine.alone(replace(head, reach_min=(-far,) * 3, reach_max=(far,) * 3, tools=()))
+
+
+def _slowness(machine: Machine, r: int) -> float:
+    """Return the seconds that a travel of `TRIAL_MM` takes a head."""
+    head = machine.heads[r]
+    limits = machine.limits_of(head)
+    feed = min(limits.travel_feed, *limits.max_feed[:2])
+    acceleration = min(limits.travel_acceleration, *limits.max_acceleration[:2])
+    return head.pace * (TRIAL_MM / feed + feed / acceleration)

@@ -67,6 +67,13 @@ def test_an_error_that_is_a_line_already_stays_as_it_is():
         raise InputError("own message")
 
 
+def test_a_byte_order_mark_is_no_part_of_a_toml(tmp_path):
+    """Editors write one; it was called an invalid statement in line 1."""
+    file = tmp_path / "a.toml"
+    file.write_bytes(b"\xef\xbb\xbfa = 1\n")
+    assert read_toml(file, "list", page="docs/list.md") == {"a": 1}
+
+
 @pytest.mark.parametrize("name", ["m.json", "m.json:MK4S", "m.toml"])
 @pytest.mark.parametrize(
     ("content", "said"), [(b"[" * 50_000, "nested too deeply"), (DIGITS, "4300 digits")]

@@ -123,6 +123,16 @@ def test_a_printer_of_a_bundle_has_what_it_inherits(tmp_path):
     assert load_machine(f"{bundle}:Small One (0.4 mm nozzle)").name.startswith("SMALL")
 
 
+def test_a_byte_order_mark_is_no_part_of_the_first_setting(tmp_path):
+    """The first setting of a profile that an editor had saved was lost."""
+    plain, marked = tmp_path / "plain.ini", tmp_path / "marked.ini"
+    text = b"extruder_clearance_radius = 30\nextruder_clearance_height = 25\n"
+    plain.write_bytes(text)
+    marked.write_bytes(b"\xef\xbb\xbf" + text)
+    heads = [load_machine(str(path)).heads[0] for path in (plain, marked)]
+    assert [len(head.slices) for head in heads] == [2, 2]
+
+
 @pytest.mark.parametrize("name", ["", ":Large"])
 def test_which_printer_of_a_bundle_must_be_said(tmp_path, name):
     """The names are offered; a guess would be another printer's head."""

@@ -15,6 +15,7 @@ from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
+from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.source import Source, read_source
@@ -24,7 +25,7 @@ from decmcts.planning.replanning.other_tools import (
     other_tools,
     refuse_unfit,
 )
-from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of
+from decmcts.planning.replanning.replan import Rest, replan, rest_of
 from decmcts.planning.result import Result
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import state_of_layers

@@ -13,7 +13,8 @@ import pytest
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.options import TeamSearch
-from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of
+from decmcts.planning.problem.made_from import rules_of
+from decmcts.planning.replanning.replan import Rest, replan, rest_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result
 from decmcts.print.contours import taken

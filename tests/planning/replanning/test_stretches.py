@@ -11,7 +11,8 @@ import pytest
 
 from decmcts.formats.gcode.writing.parts import contours_of
 from decmcts.planning.options import Cut, TeamSearch
-from decmcts.planning.replanning.replan import Rest, replan, rest_of, rules_of, search_of
+from decmcts.planning.problem.made_from import rules_of
+from decmcts.planning.replanning.replan import Rest, replan, rest_of, search_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.replanning.stretches import stretches_left
 from decmcts.print.contours import Contours

@@ -22,14 +22,17 @@ def test_launch_begins_with_a_safe_order(
     source, stem = tmp_path / "in.gcode", tmp_path / "out"
     source.write_text(one_by_one(3, pitch_mm=10.0, later=later))
     files = [str(tmp_path / f"out_{head}.gcode") for head in ("left", "right")]
+    plan = str(tmp_path / "plan.json")
     assert run(["verify", str(source), "--source", str(source), *TEAM]) == 1
     capfd.readouterr()
-    options = [*TEAM, "--time-limit", "1", "--json"]
+    options = [*TEAM, "--time-limit", "1", "--json", "--plan", plan]
     assert run(["launch", str(source), "-o", str(stem), *options]) == 0
     said = json.loads(capfd.readouterr().out)
     assert said["made_safe"]
     assert said["before"]["made_safe"]
     assert run(["verify", *files, "--source", str(source), *TEAM]) == 0
+    assert run(["verify", *files, "--source", str(source), "--plan", plan]) == 0
+    assert run(["verify", plan, "--source", str(source)]) == 0
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,3 +54,23 @@ def test_of_heads_that_can_do_the_same_the_nearest_does(
     chosen = case_of([(x, 10, 0.5), (x + 5, 10, 0.5)])
     shared = one_head_toolpaths(chosen.job, chosen.machine, Toolpath.as_sliced(1))
     assert [len(t) for t in shared] == heads
+
+
+def test_the_yardstick_is_the_quickest_head(case_of: Callable[..., Any]) -> None:
+    """A slow first head made the other one, alone, seem 3.5 times as fast as one head."""
+    machine = case_of([(50, 10, 0.5), (60, 10, 0.5)]).machine
+    slow = replace(machine.heads[0], pace=3.5)
+    weak = replace(machine.heads[0], limits=replace(machine.limits, travel_feed=20.0))
+    for head in (slow, weak):
+        team = replace(machine, heads=(head, machine.heads[1]))
+        assert lone_machine(team).heads[0].name == machine.heads[1].name
+    assert lone_machine(machine).heads[0].name == machine.heads[0].name
+
+
+def test_of_heads_that_can_do_the_same_the_quickest_does(case_of: Callable[..., Any]) -> None:
+    """Be it the farther one: the whole print takes as long as it does."""
+    chosen = case_of([(30, 10, 0.5), (35, 10, 0.5)])
+    slow = replace(chosen.machine.heads[0], pace=2.0)
+    machine = replace(chosen.machine, heads=(slow, chosen.machine.heads[1]))
+    shared = one_head_toolpaths(chosen.job, machine, Toolpath.as_sliced(1))
+    assert [len(t) for t in shared] == [0, 1]

@@ -123,8 +123,6 @@ def split_lines(text: bytes, path: Path | str) -> Lines:
         At the first line that is damaged: a parameter without a number, a
         number out of range, an axis that is none of ours.
     """
-    if text.startswith(b"\xef\xbb\xbf"):
-        text = b"   " + text[3:]
     raw = np.frombuffer(text, np.uint8)
     breaks = np.flatnonzero(raw == 10).astype(np.int64)
     starts = np.concatenate([[0], breaks + 1]).astype(np.int64)

@@ -12,6 +12,7 @@ name those of the file.
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
 import os
@@ -65,6 +66,7 @@ def _text_in(path: Path | str, plate: int | None) -> bytes:
         raw = plates.unpack(raw, path, plate)
     elif flashprint.is_flashprint(raw):
         raw = flashprint.unpack(raw, path)
+    raw = raw.removeprefix(codecs.BOM_UTF8)  # some editors write one, and it commands nothing
     if not raw.strip():
         raise InputError("the file is empty", path=path, advice="export the G-code again")
     if b"\0" in raw:

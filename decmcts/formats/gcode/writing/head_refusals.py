@@ -92,14 +92,15 @@ def refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:
                 f"'{barrier.text}' ({barrier.reason}) may move the head while another prints",
                 path=document.path,
                 line=barrier.line,
-                advice="remove it from the slicer's custom G-code for a machine with several heads",
+                advice="remove it from the slicer's custom G-code, or print with one head "
+                "(`decmcts plan`)",
             )
     if place := _ORIGIN.search(document.preamble):
         text = place.group(0).decode("utf-8", "replace").strip()
         raise InputError(
             f"'{text}' sets a position that moves left out of a head's file have led to",
             path=document.path,
-            advice="remove it from the start G-code for a machine with several heads",
+            advice="remove it from the start G-code, or print with one head (`decmcts plan`)",
         )
 
 

@@ -57,6 +57,7 @@ def with_stretches(
         Where lines that stay move the head by themselves: they would do so once more, through
         what is printed.
     """
+    stretches = [_in_words(stretch, document) for stretch in stretches]
     contours = contours_of(job.contours, stretches)
     first = int(contours.epoch.min(initial=np.iinfo(np.int32).max))
     for block in document.blocks:
@@ -79,6 +80,18 @@ def with_stretches(
         owed=np.where(begins, document.owed[of], 0.0),
     )
     return replace(job, contours=contours, acceleration=rate), text
+
+
+def _in_words(stretch: Stretch, document: GcodeDocument) -> Stretch:
+    """Return a part of arcs, which is written in chords, with filament that E words can say.
+
+    Else each contour would leave what they round off to its retraction.
+    """
+    if stretch.whole or (document.point_arc[stretch.row] == NO_ARC).all():
+        return stretch
+    steps = 10.0 ** document.decimals[1] * (document.e_area or 1.0)
+    laid = np.round(np.cumsum(stretch.extrusion) * steps) / steps
+    return replace(stretch, extrusion=np.diff(laid, prepend=0.0))
 
 
 def cut_document(

@@ -5,7 +5,9 @@ them lines are written by an `Emitter` that keeps the machine state in step.
 
 Planners see chords. Where a traversal runs along all chords of an arc of the source, or along
 some from one of its ends or between two vertices, that is an arc again: the same circle,
-the other way round if reversed. What a seam's gap leaves of a chord is a straight line.
+the other way round if reversed. Where others are told that the head has come to a vertex within
+one it is two, for a line has no place for that. What a seam's gap leaves of a chord is a straight
+line.
 
 M73 is counted anew from the plan's own times where the source has any; which of its words a
 source uses lives in `dialects.stated_times`.
@@ -15,7 +17,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TextIO
 
@@ -155,7 +157,7 @@ def print_contour(
 
     Filament, feed and machine state go with each segment; an arc of the source is one again.
     `passed` has what is to be said, without a stop, where the head has come to points of the
-    traversal, or to the end of the arc a point lies in; it does not wipe
+    traversal, and an arc is two that meet there; it does not wipe
     back over the last of them, for other heads may be there by then.
     """
     commands = passed or {}
@@ -195,7 +197,7 @@ def _lay(
     points, filament = way.points[::step].tolist(), way.extrusion[1:][::step].tolist()
     feed = way.feed[1:][::step].tolist()
     state = document.point_state[way.rows[1:]][::step].tolist()
-    arcs = arc_runs(document, job.contours, way, is_reversed=is_reversed)
+    arcs = arc_runs(document, job.contours, way, is_reversed=is_reversed, ends=commands)
     held, k = -1, 0
     while k < len(feed):
         if state[k] != held:
@@ -208,9 +210,8 @@ def _lay(
         else:
             until = k + 1
             emitter.move(tuple(points[until]), feed[k], filament[k])
-        for point in range(k + 1, until + 1) if commands else ():
-            if point in commands:
-                emitter.say(commands[point])
+        if until in commands:
+            emitter.say(commands[until])
         k = until
 
 
@@ -263,11 +264,13 @@ class ArcRun(NamedTuple):
 
 
 def arc_runs(
-    document: GcodeDocument, contours: Contours, way: Rotated, *, is_reversed: bool
-) -> dict[int, ArcRun]:
+    document: GcodeDocument, contours: Contours, way: Rotated, *, is_reversed: bool,
+    ends: Collection[int] = (),
+) -> dict[int, ArcRun]:  # fmt: skip
     """Return the arcs of a traversal by their first segment.
 
-    `way` runs forwards; with `is_reversed` its segments are counted from its end.
+    `way` runs forwards; with `is_reversed` its segments are counted from its end. At the points
+    `ends`, counted alike, an arc ends and another begins.
     """
     if not len(document.arcs.centre):
         return {}
@@ -279,6 +282,8 @@ def arc_runs(
     whole &= (np.abs(way.points[1:] - contours.points[rows]) < SLIVER_MM).all(axis=1)
     arc = np.where(whole, arc, NO_ARC)
     parted = (np.diff(arc) != 0) | (np.diff(rows) != 1)
+    inner = np.array([point for point in ends if 0 < point < len(rows)], np.int64)
+    parted[(len(rows) - inner if is_reversed else inner) - 1] = True
     begins = np.concatenate([[0], np.flatnonzero(parted) + 1])
     ends = np.append(begins[1:], len(rows))
     runs: dict[int, ArcRun] = {}

@@ -17,6 +17,7 @@ from decmcts.formats.gcode.text.source_text import (
 from decmcts.planning.problem.source import machine_for
 from decmcts.print.contours import Role
 from decmcts.print.toolpath import Toolpath
+from sim.files.written import verify_written
 from tests.direct_actions import direct_actions
 from tests.formats.gcode.text.packed import POOR
 
@@ -56,6 +57,17 @@ def test_a_number_and_its_checksum_are_taken_off_and_nothing_else(line, plain):
     """What a firmware reads of a line stays."""
     assert without_numbers(line) == plain
     assert without_numbers(b"G28\n" + line + b"\n") == b"G28\n" + plain + b"\n"
+
+
+def test_a_byte_order_mark_is_no_command(tmp_path):
+    """An editor that saves as "UTF-8 with BOM" made the judge miss a command of that name."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_bytes(b"\xef\xbb\xbf" + POOR)
+    assert load_text(source) == POOR
+    job, document = read_gcode(source)
+    actions = direct_actions(job, Toolpath.as_sliced(len(job.contours)))
+    write_gcode(document, job, actions, out)
+    assert verify_written(out, job, document, machine_for(None, source)[0]).ok
 
 
 @pytest.mark.parametrize("checksum", [False, True])

@@ -172,18 +172,21 @@ def test_filament_is_the_source_s_to_its_decimals(tmp_path):
     assert again.contours.extrusion.sum() == pytest.approx(job.contours.extrusion.sum(), abs=1e-6)
 
 
-def test_a_signal_within_an_arc_is_given_at_its_end(tmp_path):
-    """There is no place in an arc's line for it, and later is safe."""
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_an_arc_is_parted_where_a_head_signals(tmp_path, is_reversed):
+    """Its line has no place for a signal, and two at its end would come at once."""
     source = tmp_path / "in.gcode"
     source.write_text(START + CLIPPED)
     job, document = read_gcode(source)
     emitter = Emitter(document, job.settings)
-    passed = {5: "FIVE", 9: "NINE", len(job.contours.points) - 1: "END"}
+    last = len(job.contours.points) - 1
+    passed = {5: "FIVE", 9: "NINE", last: "END"}
     print_contour(
-        emitter, BeadRows.of(document, job), 0, [], is_reversed=False, entry=0, passed=passed
+        emitter, BeadRows.of(document, job), 0, [], is_reversed=is_reversed, entry=0, passed=passed
     )
     rows = [line.split()[0] for line in emitter.lines]
-    assert rows[rows.index(b"G3") :] == [b"G3", b"FIVE", b"NINE", b"G3", b"G3", b"END"]
+    arc = b"G2" if is_reversed else b"G3"
+    assert rows[rows.index(arc) :] == [arc, b"FIVE", arc, b"NINE", arc, arc, arc, b"END"]
 
 
 @pytest.mark.parametrize(

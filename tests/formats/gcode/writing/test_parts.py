@@ -56,6 +56,22 @@ def test_a_part_of_a_loop_is_no_loop(tmp_path: Path) -> None:
     assert text.owed.tolist() == [0.0]
 
 
+def test_chords_of_a_part_of_an_arc_have_filament_that_words_can_say(tmp_path: Path) -> None:
+    """What they rounded off made the filament of a rest differ from its heads' files'."""
+    path = tmp_path / "in.gcode"
+    path.write_text("G28\nM83\nG1 Z.2 F600\nG1 X120 Y10 F9000\nG3 X20 Y10 I-50 J0 E5.22 F900\n")
+    job, document = read_gcode(path)
+    all_of = whole(job.contours, 0)
+    part = replace(
+        all_of, points=all_of.points[9:], feed=all_of.feed[9:], row=all_of.row[9:], whole=False,
+        extrusion=np.concatenate([[0.0], all_of.extrusion[10:]]),
+    )  # fmt: skip
+    laid = with_stretches(job, document, [part])[0].contours.extrusion * 1e5
+    assert document.decimals[1] == 5
+    assert np.abs(laid - np.round(laid)).max() < 1e-6
+    assert laid.sum() == pytest.approx(part.extrusion.sum() * 1e5, abs=0.5)
+
+
 def test_lines_that_move_and_have_been_run_are_refused(tmp_path: Path) -> None:
     """They would move so once more."""
     path = tmp_path / "in.gcode"

@@ -12,7 +12,8 @@ import pytest
 from playwright.sync_api import Browser
 
 from decmcts.planning.options import TeamSearch
-from decmcts.planning.replanning.replan import replan, rest_of, rules_of
+from decmcts.planning.problem.made_from import rules_of
+from decmcts.planning.replanning.replan import replan, rest_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_state import state_of_events
