@@ -21,7 +21,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from agents.running.port import (
-    Abort,
     Alive,
     Command,
     Pause,
@@ -131,10 +130,6 @@ class Carrier:
         """Go on."""
         self.paused = False
         self.out.append(Resume())
-
-    def abort(self, why: str) -> None:
-        """Have the controller stop and be off."""
-        self.out.append(Abort(why))
 
     # What follows -----------------------------------------------------------
 

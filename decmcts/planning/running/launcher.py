@@ -78,7 +78,7 @@ class Launcher:
             try:
                 self._spawn(places)
                 self._start()
-                while not self._is_over():
+                while not self.is_over():
                     self.step()
             finally:
                 self._is_ending = True
@@ -190,7 +190,8 @@ class Launcher:
     def _take_event(self, h: int, event: PrintEvent) -> None:
         team, failure = self.team, self.team.heads[h].failure
         carried = team.plans[team.heads[h].number]
-        carried.take(h, replace(event, head=carried.heads.index(h)))
+        if not self.failing.says_off(h):  # it says so once more when it is aborted
+            carried.take(h, replace(event, head=carried.heads.index(h)))
         if failure is not None and not carried.is_print and team.has_done(h):
             failure.at = team.park(h)
         self._event_at = time.monotonic()
@@ -223,8 +224,7 @@ class Launcher:
                 process = self.team.processes[item.head].agent
                 head.agent_gone = process.ending() or "its agent ended"
             case {"event": "stands"} as line:
-                head.paused, head.waits_for = bool(line["paused"]), line["waits_for"]
-                head.missing = tuple(line["missing"])
+                head.waits_for, head.missing = line["waits_for"], tuple(line["missing"])
             case {"event": "held", "count": count, "number": number, "released": released}:
                 self.renewal.take_held(item.head, count, number, released)
             case {"event": "controller", "how": how}:
@@ -232,7 +232,8 @@ class Launcher:
 
     # The end ----------------------------------------------------------------
 
-    def _is_over(self) -> bool:
+    def is_over(self) -> bool:
+        """Tell whether nothing more happens, and nobody can be asked."""
         team, asking, renewal = self.team, self.asking, self.renewal
         if renewal.is_busy:
             return False
@@ -243,7 +244,7 @@ class Launcher:
             return False
         if all(map(team.has_done, living)) and not lost:
             return not (renewal.reason and asking.is_open and not asking.aborted)
-        if not asking.is_open and lost:
-            quiet = time.monotonic() - self._event_at > QUIET_S
-            return quiet and not any(team.heads[h].paused for h in living)
-        return False
+        if asking.is_open or not (lost or team.paused()):
+            return False
+        quiet = time.monotonic() - self._event_at > QUIET_S
+        return quiet and all(map(team.stands, team.listening()))

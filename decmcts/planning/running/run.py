@@ -141,6 +141,8 @@ def run(
     unprinted, reason = team.unprinted + renewal.left_out, renewal.reason
     if unprinted and not team.living():
         reason = "the rest is not planned: no head works any more"
+    elif unprinted and (paused := team.paused()):
+        reason = reason or f"{', '.join(paused)} stood until somebody says resume, and nobody could"
     return RunResult(
         names, plans, team.makespan_s, document.plan.makespan_s, len(document.contours),
         unprinted, tuple(team.failures), dict(team.moved),
