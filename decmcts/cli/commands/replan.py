@@ -131,7 +131,7 @@ def replan(
     refuse_unwritable([*heads, plan_file], source, *also)
     refuse_other_suffixes(plan_file, None, None)
     state = _state(document, events, layer, height)
-    places = fenced_places(fenced or [], document.machine, state, seen=events is not None)
+    places = fenced_places(fenced or [], document, state, seen=events is not None)
     if parked:
         state = taken_to_parks(state)
     late = late_heads(slower or [], document.machine)

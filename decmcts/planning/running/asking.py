@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from agents.running.port import ABORTED, Abort
 from decmcts.errors import InputError
 from decmcts.planning.events import Note
-from decmcts.planning.replanning.fenced import PARKED, fenced_places
+from decmcts.planning.replanning.fenced import PARKED, stated_place
 from decmcts.planning.running.failing import FENCED, Failing
 from decmcts.planning.running.recorded import SEEN_MM
 from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
-from decmcts.print.print_state import PrintState
 
 
 @dataclass(slots=True)
@@ -119,6 +118,6 @@ class Asking:
 
     def _place(self, name: str, text: str) -> Point:
         """Return a place that a person names for a head."""
-        none = PrintState((), self.team.printing().document.contours.layer < 0)
-        machine = self.team.document.machine
-        return fenced_places([f"{name}={text}"], machine, none, seen=False)[name]
+        _, place = stated_place(f"{name}={text}", self.team.document.machine)
+        assert place is not None  # it is named
+        return place
