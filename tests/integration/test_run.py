@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
@@ -109,6 +110,24 @@ def test_two_heads_print_a_plan(made: Made, tmp_path: Path) -> None:
     assert found["makespan_s"] == pytest.approx(found["planned_s"], rel=0.25)
     state = state_of_events(read_plan(plan), read_events(events))
     assert state.done.all()
+
+
+def test_a_run_that_is_stopped_leaves_what_happened(made: Made, tmp_path: Path) -> None:
+    """The rest is planned from that; before, no events were written."""
+    plan, events = tmp_path / "plan.json", tmp_path / "events"
+    write_plan(made.document, plan)
+    command = [sys.executable, "-m", "decmcts.cli", "run", str(plan), "--simulated",
+               "--speed", "5", "--events", str(events)]  # fmt: skip
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run_on:
+        while run_on.poll() is None and (not events.exists() or events.stat().st_size < 1000):
+            time.sleep(0.02)
+        run_on.send_signal(signal.SIGINT)
+        _, said = run_on.communicate(timeout=60)
+    assert run_on.returncode == 130 and f"until then is in {events}" in " ".join(said.split())
+    state = state_of_events(read_plan(plan), read_events(events))
+    assert not state.done.all() and not any(head.begun for head in state.heads)
 
 
 FAULTS: dict[str, Callable[[Trial, int, int], None]] = {

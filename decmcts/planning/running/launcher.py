@@ -12,7 +12,7 @@ import queue
 import secrets
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -55,6 +55,7 @@ class Launcher:
     report: Report = unheard
     show: Show = unseen
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None
+    keep: Callable[[Sequence[Carried]], None] = lambda _prints: None
     received: queue.Queue[AgentLine | Recorded | News] = field(default_factory=queue.Queue)
     team: Team = field(init=False)
     renewal: Renewal = field(init=False)
@@ -89,6 +90,7 @@ class Launcher:
                 if self.team.witness is not None:
                     self.team.witness.end()
                 self._receive(0.0)
+                self.keep(self.team.prints())
 
     def _spawn(self, places: Places) -> None:
         """Start two processes a head; a head alone needs no place to meet others."""
@@ -133,6 +135,7 @@ class Launcher:
         self.asking.obey()
         self.failing.find()
         self.renewal.step()
+        self.keep(self.team.prints())
         now = time.monotonic()
         if now - self._shown_at > SHOWN_S:
             self._shown_at = now

@@ -118,9 +118,13 @@ class Team:
         """Return the plans that heads began; the first of all counts in any case."""
         return [carried for carried in self.plans if carried.begun]
 
+    def prints(self) -> list[Carried]:
+        """Return the plan, and those that print and that heads began, each of the last's rest."""
+        return [carried for carried in self.begun() if carried.is_print]
+
     def printing(self) -> Carried:
         """Return the last plan that prints and that heads began."""
-        return next(carried for carried in reversed(self.begun()) if carried.is_print)
+        return self.prints()[-1]
 
     def last_of(self, h: int, before: int | None = None) -> Carried:
         """Return the last plan that a head is in (before one), and that holds."""
