@@ -158,6 +158,14 @@ def test_the_rest_is_printed_by_the_others(made: Made, fault: str, head: str) ->
 
 
 @pytest.mark.long
+def test_a_head_may_fail_as_soon_as_time_begins(made: Made) -> None:
+    """The others had not heard that it holds the plan, and waited for that for ever."""
+    result = Trial(FAULTS["agent killed"], 0.0).run(made, RunOptions(SPEED, replan_s=0.5))
+    assert len(result.plans) > 1 and len(result.failures) == 1
+    assert_printed(made, result)
+
+
+@pytest.mark.long
 def test_the_rest_of_a_cut_plan_is_printed_by_the_others(cut: Made) -> None:
     """All of each contour, whichever pieces of it were printed when an agent was killed."""
     assert cut.document.contours.of is not None

@@ -118,9 +118,10 @@ class Launcher:
         until = time.monotonic() + START_S
         while not all(head.number == 0 for head in heads):
             if time.monotonic() > until or any(h.agent_gone or h.controller_gone for h in heads):
-                gone = [h.name for h in heads if h.number < 0]
-                why = next((h.agent_gone for h in heads if h.agent_gone), "")
-                raise InputError(f"the processes of {', '.join(gone)} did not start {why}".strip())
+                ended = [(h.name, h.agent_gone or h.controller_gone) for h in heads]
+                gone = [f"{name} ({why})" for name, why in ended if why]
+                gone = gone or [h.name for h in heads if h.number < 0]
+                raise InputError(f"the processes of {', '.join(gone)} did not start")
             self._receive()
         self.on_start(
             {head.name: (one.agent.pid, one.controller_pid)

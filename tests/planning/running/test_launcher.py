@@ -650,3 +650,11 @@ def test_a_head_that_is_aborted_at_its_park_changes_nothing(made: Made, desk: De
     desk.event(RIGHT, EventKind.ENDED, park)
     desk.says(RIGHT, PrintEvent(EventKind.FAILED, RIGHT, 12.0, NO_ACTION, 0, park, what=ABORTED))
     assert desk.team.processes[RIGHT].is_killed and not desk.renewal.unplanned
+
+
+def test_who_did_not_start_is_named_with_why(desk: Desk) -> None:
+    """Others were named, which had not come so far yet, or nobody."""
+    desk.team.heads[RIGHT].agent_gone = "killed by SIGKILL"
+    desk.team.heads[LEFT].number = -1
+    with pytest.raises(InputError, match=r"of right \(killed by SIGKILL\) did not start"):
+        desk.launcher._start()
