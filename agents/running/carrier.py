@@ -3,8 +3,9 @@
 The theory of operation. Plans of one run are numbered. A head takes up plan n when it has done
 its share of plan n - 1; it says so in its reports, with the digest of n, and begins nothing of n
 until every head of n has said the same digest, and every head without a part in n that it has done
-its last plan, its path to its park. One that was fenced there, or since, need say nothing. So no head is ever two plans ahead,
-and none carries out what another does not know. Numbers of dropped plans are not used again.
+its last plan, its path to its park. One that was fenced there, or since, need say nothing. So no
+head is ever two plans ahead, and none carries out what another does not know. Numbers of dropped
+plans are not used again.
 
 Within a plan an action is released to the controller once all it waits for *has happened*: the
 other head's controller said so, and its report arrived. What a dead head has not done never
