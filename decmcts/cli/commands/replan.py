@@ -135,6 +135,12 @@ def replan(
     if parked:
         state = taken_to_parks(state)
     late = late_heads(slower or [], document.machine)
+    for name in late:
+        if name in places:
+            raise InputError(
+                f"--slower {name}: the head is fenced, and prints no more",
+                advice="leave one of both away",
+            )
     other = other_tools(print_with or [], document.machine, document.contours)
     refuse_unfit(other, document.machine, list(places))
     search = search_of(document, time_limit, seed, cut=cut, weld_limit_s=weld_limit_s)
