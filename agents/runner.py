@@ -2,7 +2,7 @@
 
 It speaks to its controller through two pipes (`agents.running.port`), to the other heads over
 zenoh, and to its launcher in JSON lines. Commands of the launcher: `plan`, `hold`, `limit`,
-`fence`, `pause`, `resume`, `abort`, `exit`. What it says: `ready`, `pulse`, `stands` (where it is,
+`fence`, `pause`, `resume`, `exit`. What it says: `ready`, `pulse`, `stands` (where it is,
 whom it waits for, whom it does not hear), `held`, `controller` (it is gone), `refused`. SIGUSR2
 takes it off the network, for trials.
 """
@@ -106,8 +106,6 @@ class Runner:
                 carrier.pause()
             case {"command": "resume"}:
                 carrier.resume()
-            case {"command": "abort", "why": why}:
-                carrier.abort(why)
 
     def _load(self, limits: int, number: int, path: str, heads: tuple[int, ...]) -> None:
         digest, plan = digest_of(path), read_plan(path).plan
@@ -164,7 +162,7 @@ class Runner:
         ]  # fmt: skip
         stands = {
             "event": "stands", "number": carrier.number, "done": carrier.done,
-            "waits_for": carrier.waits_for(), "paused": carrier.paused, "off": carrier.off,
+            "waits_for": carrier.waits_for(), "off": carrier.off,
             "missing": missing,
         }  # fmt: skip
         self.stood_at = now

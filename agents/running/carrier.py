@@ -3,8 +3,9 @@
 The theory of operation. Plans of one run are numbered. A head takes up plan n when it has done
 its share of plan n - 1; it says so in its reports, with the digest of n, and begins nothing of n
 until every head of n has said the same digest, and every head without a part in n that it has done
-its last plan, its path to its park, unless it was fenced since. So no head is ever two plans ahead,
-and none carries out what another does not know. Numbers of dropped plans are not used again.
+its last plan, its path to its park. One that was fenced there, or since, need say nothing. So no
+head is ever two plans ahead, and none carries out what another does not know. Numbers of dropped
+plans are not used again.
 
 Within a plan an action is released to the controller once all it waits for *has happened*: the
 other head's controller said so, and its report arrived. What a dead head has not done never
@@ -21,7 +22,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from agents.running.port import (
-    Abort,
     Alive,
     Command,
     Pause,
@@ -132,10 +132,6 @@ class Carrier:
         self.paused = False
         self.out.append(Resume())
 
-    def abort(self, why: str) -> None:
-        """Have the controller stop and be off."""
-        self.out.append(Abort(why))
-
     # What follows -----------------------------------------------------------
 
     @property
@@ -214,7 +210,7 @@ class Carrier:
         before = [self.plans[k] for k in sorted(self.plans) if k < plan.number]
         last = {head: each for each in before for head in each.heads}
         for head, each in last.items():
-            if head in plan.heads or self.fenced.get(head, (-1, NOTHING))[0] >= each.number:
+            if head in plan.heads or self._does_no_more(each, head):
                 continue
             report, actions = self.reports.get(head), each.of(head)
             if report is None or actions is None or report.digest != each.digest:
@@ -228,8 +224,13 @@ class Carrier:
         later = [k for k, plan in self.plans.items() if k > self.number and self.head in plan.heads]
         return self.plans[min(later)] if later else None
 
+    def _does_no_more(self, plan: NumberedPlan, head: int) -> bool:
+        """Tell whether a head was fenced in a plan, or in a later one."""
+        return self.fenced.get(head, (-1, NOTHING))[0] >= plan.number
+
     def _agrees(self, plan: NumberedPlan, head: int) -> bool:
-        if head == self.head:
+        """Tell whether a head holds a plan, or failed and does nothing of it any more."""
+        if head == self.head or self._does_no_more(plan, head):
             return True
         report = self.reports.get(head)
         if report is None:

@@ -2,7 +2,7 @@
 
 Controller and agent speak through two pipes. A third, the *record*, carries all a controller says
 to the launcher too: so what happened is known whatever becomes of the agent. The launcher keeps the
-ends of the agent's pipes, so that it can have the controller finish and start another agent.
+ends of the agent's pipes, so that it can have the controller be off and start another agent.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from agents.launching.processes import PIPED, AgentLine, AgentProcess
 from agents.networks.meeting import Meeting
-from agents.running.port import Finish, Pipe, Statement, pack, write_all
+from agents.running.port import Abort, Finish, Pipe, Statement, pack, write_all
 
 RUNNER = (sys.executable, "-P", "-m", "agents.runner", PIPED)
 _END_S = 2.0
@@ -75,9 +75,9 @@ class HeadProcesses:
         self._start_agent()
         self.agent.begin(*self._begun)
 
-    def finish(self, why: str) -> None:
-        """Have the controller be off behind the action it is at, in the place of a dead agent."""
-        write_all(self._ends[0], pack(Finish(why)))
+    def tell_controller(self, command: Finish | Abort) -> None:
+        """Have the controller be off, whatever becomes of its agent."""
+        write_all(self._ends[0], pack(command))
 
     @property
     def controller_pid(self) -> int:

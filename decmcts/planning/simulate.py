@@ -31,6 +31,7 @@ from sim.controllers.timing import Timing
 from sim.heads.file import header_of
 
 _USUAL = "dual-gantry"  # of files of several heads, where no machine is named
+USUAL_HEADS = f"no machine is named: heads are taken to be those of {_USUAL}; else name --machine"
 OWN_ACTIONS = "the plan's own actions are run; name the files of its heads too to run those"
 SAME_SHARE, SAME_MM = 0.01, 5.0  # by which files may lay more or less than their plan: rounding
 NO_PRINTER = (
@@ -168,6 +169,7 @@ def _machine_of(
     if machine is not None:
         return machine if isinstance(machine, Machine) else load_machine(machine)
     if len(files) > 1:
+        report(Note(USUAL_HEADS))
         return load_machine(_USUAL)
     text = load_text(files[0])
     if header_of(text)[0]:

@@ -20,6 +20,7 @@ from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
 Point = tuple[float, float, float]  # x, y, z
+Stands = Point | tuple[Point, ...]  # there, or anywhere on a line through these points
 Release = Literal["point", "action"]
 
 
@@ -159,9 +160,17 @@ class Machine:
         return replace(self, heads=(lone,), rails=(), limits=self.limits_of(head))
 
 
+def line_of(stands: Stands) -> NDArray[np.float64]:
+    """Return the line on which something stands, (k, 3); one point: exactly there."""
+    return np.atleast_2d(np.asarray(stands, np.float64))
+
+
 @dataclass(frozen=True, slots=True)
 class Fenced:
-    """Heads that print no more and stand where they stopped: nothing may come near them."""
+    """Heads that print no more and stand where they stopped: nothing may come near them.
+
+    One may stand anywhere on a line.
+    """
 
     machine: Machine  # with them and their rails, as it was before
-    at: Mapping[str, Point]  # where the nozzle of each stands, mm
+    at: Mapping[str, Stands]  # where the nozzle of each stands, mm

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -121,12 +121,17 @@ class Feeding:
     released: int = 0
     paused: bool = False
     ending: str = ""  # why it is off behind the action that has begun
-    off: bool = False
+    word: PrintEvent | None = None  # its last: that it is off
     action: int = 0
     begin_s: float = math.nan  # of the action's first move; NaN: it has not begun
     _since: list[float] = field(default_factory=list)  # when each action was released
     _resumed_s: float = -math.inf  # when it was told to go on last
     _due: list[PrintEvent] = field(default_factory=list)  # of the action, not reported yet
+
+    @property
+    def off(self) -> bool:
+        """Whether it does nothing any more."""
+        return self.word is not None
 
     @property
     def begun(self) -> bool:
@@ -154,8 +159,9 @@ class Feeding:
         self.ending = self.ending or why
 
     def fail(self, why: str, now_s: float) -> PrintEvent:
-        """Stop at once and be off; return its last word."""
-        self.off = True
+        """Stop at once and be off; return its last word, of one that is off the same again."""
+        if self.word is not None:
+            return replace(self.word, what=why)
         action, point = NO_ACTION, 0
         if self.action < len(self.work):
             action = self.action
@@ -163,7 +169,8 @@ class Feeding:
                 ends = self.work.ends(action)
                 point = int(np.searchsorted(ends, now_s - self.begin_s, side="right"))
         at = self.at(now_s)
-        return PrintEvent(EventKind.FAILED, self.head, now_s, action, point, at, what=why)
+        self.word = PrintEvent(EventKind.FAILED, self.head, now_s, action, point, at, what=why)
+        return self.word
 
     def step(self, now_s: float) -> Iterator[PrintEvent]:
         """Yield all events up to a time, in their order."""

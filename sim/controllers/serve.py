@@ -114,10 +114,11 @@ class Controller:
                     feeding.resume(now_s)
             case Finish(why) if feeding is not None:
                 feeding.end(why)
-            case Abort(why) if feeding is not None and not feeding.off:
+            case Abort(why) if feeding is not None and not self.aborted:
                 self._say(b"".join(map(pack_event, feeding.step(now_s))))
                 self.aborted = why == ABORTED
-                self._say(pack_event(feeding.fail(why, now_s)))
+                if self.aborted or not feeding.off:
+                    self._say(pack_event(feeding.fail(why, now_s)))
 
     def _start(self, number: int, path: Path) -> None:
         """Take a plan in the place of the one before."""

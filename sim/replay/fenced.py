@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from decmcts.print.machine import Head, Machine, Point
+from decmcts.print.machine import Head, Machine, Stands, line_of
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats
 from sim.faults import LIMIT, Fault, FaultKind, listed
@@ -31,10 +31,11 @@ def check_fenced(document: PlanDocument) -> list[Fault]:
     met: list[str] = []
     within: list[str] = []
     for name, head in gone.items():
+        line = _pieces(at[name])
         for mine in document.machine.heads:
             moves = _moves(mine, given.get(mine.name))
-            met += head_meets(whole, mine, moves, head, at[name])
-        within += _printed_into(document, head, at[name])
+            met += head_meets(whole, mine, moves, head, line)
+        within += _printed_into(document, head, line)
     return [*listed(FaultKind.HEAD_HEAD, met), *listed(FaultKind.HEAD_MATERIAL, within)]
 
 
@@ -45,12 +46,23 @@ def _moves(head: Head, actions: HeadActions | None) -> Floats:
     return moves_of(actions, head.park)[0]
 
 
-def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, place: Point) -> list[str]:
-    """Say in which moves a head comes nearer to a fenced one than it may."""
-    bad = too_near(machine, mine, moves, gone, np.array([[*place, *place]]))
+def _pieces(stands: Stands) -> Floats:
+    """Return the pieces of the line on which a fenced head stands, (m, 6)."""
+    line = line_of(stands)
+    return np.hstack([line[:-1], line[1:]] if len(line) > 1 else [line, line])
+
+
+def _place(line: Floats) -> str:
+    """Say where a head stands, or from where to where it may."""
+    ends = [f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in (line[0, :3], line[-1, 3:])]
+    return f"stands at {ends[0]}" if len(set(ends)) == 1 else "may stand from " + " to ".join(ends)
+
+
+def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, line: Floats) -> list[str]:
+    """Say in which moves a head comes nearer to a fenced one than it may; `line` has its pieces."""
+    bad = too_near(machine, mine, moves, gone, line)
     return [
-        f"head {mine.name} comes too near to head {gone.name}, which stands at "
-        f"({place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f}), between "
+        f"head {mine.name} comes too near to head {gone.name}, which {_place(line)}, between "
         f"({', '.join(f'{v:.2f}' for v in moves[k, :3])}) and "
         f"({', '.join(f'{v:.2f}' for v in moves[k, 3:])})"
         for k in np.flatnonzero(bad)[:LIMIT].tolist()
@@ -93,16 +105,16 @@ def _boxes(head: Head) -> list[Floats]:
     ]
 
 
-def _printed_into(document: PlanDocument, gone: Head, place: Point) -> Sequence[str]:
-    """Say what is printed where a fenced head stands."""
+def _printed_into(document: PlanDocument, gone: Head, line: Floats) -> Sequence[str]:
+    """Say what is printed where a fenced head stands, or may stand."""
     if not any(ActionKind.PRINT in actions.kind for actions in document.plan.heads):
         return []
     beads = as_material(beads_there(document.contours), document.machine, TOLERANCE_MM)
     contacts = find_contacts(
-        np.array([[*place, *place]]), beads, gone, clearance_mm=document.machine.clearance_mm,
+        line, beads, gone, clearance_mm=document.machine.clearance_mm,
         tolerance_mm=TOLERANCE_MM, limit=LIMIT,
     )  # fmt: skip
     return [
-        f"contour {beads.label[c.bead]} is printed into head {gone.name}, which stands there"
+        f"contour {beads.label[c.bead]} is printed into head {gone.name}, which {_place(line)}"
         for c in contacts
     ]

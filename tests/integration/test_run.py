@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
@@ -111,6 +112,24 @@ def test_two_heads_print_a_plan(made: Made, tmp_path: Path) -> None:
     assert state.done.all()
 
 
+def test_a_run_that_is_stopped_leaves_what_happened(made: Made, tmp_path: Path) -> None:
+    """The rest is planned from that; before, no events were written."""
+    plan, events = tmp_path / "plan.json", tmp_path / "events"
+    write_plan(made.document, plan)
+    command = [sys.executable, "-m", "decmcts.cli", "run", str(plan), "--simulated",
+               "--speed", "5", "--events", str(events)]  # fmt: skip
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run_on:
+        while run_on.poll() is None and (not events.exists() or events.stat().st_size < 1000):
+            time.sleep(0.02)
+        run_on.send_signal(signal.SIGINT)
+        _, said = run_on.communicate(timeout=60)
+    assert run_on.returncode == 130 and f"until then is in {events}" in " ".join(said.split())
+    state = state_of_events(read_plan(plan), read_events(events))
+    assert not state.done.all() and not any(head.begun for head in state.heads)
+
+
 FAULTS: dict[str, Callable[[Trial, int, int], None]] = {
     "agent killed": lambda _, agent, __: os.kill(agent, signal.SIGKILL),
     "agent hangs": lambda _, agent, __: os.kill(agent, signal.SIGSTOP),
@@ -136,6 +155,14 @@ def test_the_rest_is_printed_by_the_others(made: Made, fault: str, head: str) ->
     assert_printed(made, result)
     if len(result.plans) > 1:
         assert failure.on_s >= failure.fenced_s >= failure.at_s
+
+
+@pytest.mark.long
+def test_a_head_may_fail_as_soon_as_time_begins(made: Made) -> None:
+    """The others had not heard that it holds the plan, and waited for that for ever."""
+    result = Trial(FAULTS["agent killed"], 0.0).run(made, RunOptions(SPEED, replan_s=0.5))
+    assert len(result.plans) > 1 and len(result.failures) == 1
+    assert_printed(made, result)
 
 
 @pytest.mark.long

@@ -18,7 +18,7 @@ from decmcts.planning.options import Cut, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import problem_of
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
-from decmcts.planning.simulate import simulate
+from decmcts.planning.simulate import USUAL_HEADS, simulate
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.print_events import EventKind
 from sim.controllers.events import events_of
@@ -54,6 +54,15 @@ def test_files_take_what_the_plan_says(made):
         found = simulate(inputs)
         assert found.simulation.safe
         assert found.simulation.makespan_s == pytest.approx(makespan, rel=0.01)
+
+
+def test_whose_heads_are_simulated_is_said_where_nobody_names_them(made):
+    """Safe files of another machine were said to touch, and nothing was said of its heads."""
+    plan, files, _ = made
+    for inputs, machine, count in (files, None, 1), (files, "dual-gantry", 0), ([plan], None, 0):
+        said = []
+        simulate(inputs, machine, report=said.append)
+        assert [getattr(event, "text", "") for event in said].count(USUAL_HEADS) == count
 
 
 def test_all_filament_is_pushed(made):

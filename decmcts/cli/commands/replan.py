@@ -132,10 +132,16 @@ def replan(
     refuse_unwritable([*heads, plan_file], source, *also)
     refuse_other_suffixes(plan_file, None, None)
     state = _state(document, events, layer, height)
-    places = fenced_places(fenced or [], document.machine, state, seen=events is not None)
+    places = fenced_places(fenced or [], document, state, seen=events is not None)
     if parked:
         state = taken_to_parks(state)
     late = late_heads(slower or [], document.machine)
+    for name in late:
+        if name in places:
+            raise InputError(
+                f"--slower {name}: the head is fenced, and prints no more",
+                advice="leave one of both away",
+            )
     other = other_tools(print_with or [], document.machine, document.contours)
     refuse_unfit(other, document.machine, list(places))
     search = search_of(document, time_limit, seed, cut=cut, weld_limit_s=weld_limit_s)

@@ -14,7 +14,6 @@ import typer
 from rich.live import Live
 from rich.table import Table
 
-from agents.messages.event_stream import stream_of
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.commands.replan import LeftOption, PrintWithOption
@@ -22,17 +21,18 @@ from decmcts.cli.commands.simulate import ErrorOption, QueueOption, TimingOption
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
 from decmcts.formats.mesh import SliceOptions, is_mesh
-from decmcts.formats.plans.plan_json import read_plan, write_plan
-from decmcts.planning.events import Event, Note, Step
+from decmcts.formats.plans.plan_json import read_plan
+from decmcts.planning.events import Event, Note, Report, Step
 from decmcts.planning.options import Limits
+from decmcts.planning.problem.source import Source
 from decmcts.planning.read import read
 from decmcts.planning.replanning.other_tools import differences, other_tools
 from decmcts.planning.replanning.rest import LeftBeads
-from decmcts.planning.running.options import Failure, RunOptions, RunView
+from decmcts.planning.running.keeping import Keeping, refuse_earlier
+from decmcts.planning.running.options import Failure, RunOptions, RunView, Show
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
 from decmcts.planning.writing.places import (
-    put,
     refuse_other_suffixes,
     refuse_stdout,
     refuse_unwritable,
@@ -101,6 +101,8 @@ def run(
     refuse_unwritable([events, report], plan, *([] if source is None else [source]))
     refuse_stdout(events, "--events")
     refuse_other_suffixes(None, report, None)
+    if events is not None:
+        refuse_earlier(events)
     document = read_plan(plan)
     other = other_tools(print_with or [], document.machine, document.contours)
     if other and source is None:
@@ -125,21 +127,40 @@ def run(
                 if isinstance(event, Note) or not watch:
                     told(event)
 
-            result = carry_out(
-                document, found, options, asked=_lines(), report=passed_on, show=window.show
-            )
-        if events is not None:
-            told(Step("writing events"))
-            _write_events(result, events)
-        if report is not None:
-            told(Step("writing the report"))
-            _write_report(result, document, plan, report)
+            kept = None if events is None else Keeping(events, passed_on)
+            result = _carried_out(document, found, options, kept, passed_on, window.show)
     if as_json:
         print_json("decmcts-run/1", figures(result))
     else:
         show(result)
+    with steps() as told:
+        if kept is not None:
+            told(Step("writing events"))
+            kept.write(result.prints, result.logs())
+        if report is not None:
+            told(Step("writing the report"))
+            _write_report(result, document, plan, report)
     if not result.complete:
         raise typer.Exit(1)
+
+
+def _carried_out(
+    document: PlanDocument, found: Source | None, options: RunOptions, kept: Keeping | None,
+    report: Report, window: Show,
+) -> RunResult:  # fmt: skip
+    """Carry a plan out; whatever ends that, events are kept up to then, and it is said."""
+    if kept is None:
+        return carry_out(document, found, options, asked=_lines(), report=report, show=window)
+    try:
+        return carry_out(
+            document, found, options, asked=_lines(), report=report, show=window, keep=kept.keep
+        )
+    except KeyboardInterrupt:
+        if kept.is_begun:
+            report(Note(f"what happened until then is in {kept.path}"))
+        raise
+    finally:
+        kept.close()
 
 
 class _Watch:
@@ -205,15 +226,6 @@ def _lines() -> Queue[str | None]:
 
     threading.Thread(target=work, name="control", daemon=True).start()
     return found
-
-
-def _write_events(result: RunResult, path: Path) -> None:
-    """Write a stream for each plan that prints; behind the first with the plan itself."""
-    for k, (carried, log) in enumerate(zip(result.prints, result.logs(), strict=True)):
-        place = path if k == 0 else path.with_name(f"{path.stem}-rest{k}{path.suffix}")
-        put(stream_of(log), place)
-        if k:
-            write_plan(carried.document, place.with_suffix(".plan.json"))
 
 
 def _write_report(result: RunResult, document: PlanDocument, plan: Path, out: Path) -> None:

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.formats.files.bounds import LARGEST_SECONDS, unpacked
-from decmcts.formats.files.fields import Fields, shown
+from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SECONDS, unpacked
+from decmcts.formats.files.fields import Fields, points, shown
 from decmcts.formats.files.reading import once, one_line, read_bytes
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
@@ -37,7 +37,7 @@ from decmcts.formats.plans.plan_rows import (
     contours_to_dicts,
 )
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Fenced, Machine, Point
+from decmcts.print.machine import Fenced, Machine, Stands, line_of
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
@@ -94,7 +94,7 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
         whole, at = document.fenced.machine, document.fenced.at
         head[_FENCED] = {
             "machine": machine_to_dict(whole),
-            "at": {k: list(v) for k, v in at.items()},
+            "at": {name: _stated(stands) for name, stands in at.items()},
         }
     if document.print_with:
         head[_PRINT_WITH] = {str(due): has for due, has in document.print_with}
@@ -112,6 +112,12 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
         _write_lines(file, actions_to_dicts(actions, names))
         file.write(b"]}")
     file.write(b'],\n"metrics":' + _dump(document.metrics) + b"}\n")
+
+
+def _stated(stands: Stands) -> list[Any]:
+    """Return where a head stands as the file has it: a point, or the points of a line."""
+    line: list[list[float]] = line_of(stands).tolist()
+    return line[0] if len(line) == 1 else line
 
 
 def _write_lines(file: BinaryIO, rows: Iterator[dict[str, Any]]) -> None:
@@ -196,8 +202,16 @@ def _fenced(given: Fields, machine: Machine) -> Fenced | None:
     for name in places.values:
         if name not in known:
             places.fail(str(name), f"is none of the heads that print no more ({', '.join(known)})")
-    at = {str(name): cast(Point, places.point(str(name), 3)) for name in places.values}
-    return Fenced(whole, at)
+    return Fenced(whole, {str(name): _stands(places, str(name)) for name in places.values})
+
+
+def _stands(places: Fields, name: str) -> Stands:
+    """Return where a head stands."""
+    match places.need(name):
+        case [[*_], *_] as line:
+            rows = points(line, (3,), places.at(name), places.path, most=LARGEST_MM)
+            return tuple((x, y, z) for x, y, z in rows.tolist())
+    return places.triple(name)
 
 
 def _print_with(given: Fields) -> tuple[tuple[int, int], ...]:

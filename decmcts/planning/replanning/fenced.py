@@ -5,18 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM
-from decmcts.print.machine import Machine, Point
+from decmcts.print.machine import Machine, Point, Stands
 from decmcts.print.machine_fit import refuse_unknown_head
-from decmcts.print.print_state import PrintState
+from decmcts.print.plan import PlanDocument
+from decmcts.print.print_state import PrintState, whereabouts
 
 PARKED, SLOWEST = "park", 10.0
 
 
 def fenced_places(
-    stated: Sequence[str], machine: Machine, state: PrintState, *, seen: bool
-) -> dict[str, Point]:
+    stated: Sequence[str], document: PlanDocument, state: PrintState, *, seen: bool
+) -> dict[str, Stands]:
     """Return the heads that print no more, and where each stands.
 
     Parameters
@@ -25,22 +29,26 @@ def fenced_places(
         Heads as ``NAME``, ``NAME=park`` or ``NAME=X,Y,Z``. Those that failed by the events need
         not be named; where they stand now may be.
     seen : bool
-        Whether events say where heads are; one that no event is of is still parked.
+        Whether events say where heads are: one that was at an action may have gone on to its
+        end, and one that no event is of is still parked.
 
     Raises
     ------
     InputError
         For heads the machine has not, places that are none, and where no place is known.
     """
-    parks = {head.name: head.park for head in machine.heads}
-    last = dict(parks) if seen else {}
-    last |= {head.head: head.at for head in state.heads if seen and head.at is not None}
+    machine, last = document.machine, dict[str, Stands]()
+    if seen:
+        last |= {head.name: head.park for head in machine.heads}
+        last |= {
+            head.head: _line(whereabouts(head, actions, machine.head(head.head).park))
+            for head, actions in zip(state.heads, document.plan.heads, strict=True)
+        }
     places = {name: last[name] for name in state.failed}
     for text in stated:
-        name, has_place, place = text.partition("=")
-        refuse_unknown_head("--fenced", text, name, machine)
-        if has_place:
-            places[name] = parks[name] if place == PARKED else _point(text, place)
+        name, place = stated_place(text, machine)
+        if place is not None:
+            places[name] = place
         elif name in last:
             places[name] = last[name]
         else:
@@ -49,6 +57,25 @@ def fenced_places(
                 advice=f"name the place: --fenced {name}=park or --fenced {name}=X,Y,Z",
             )
     return places
+
+
+def stated_place(text: str, machine: Machine) -> tuple[str, Point | None]:
+    """Return a head and where a person says that it stands, None: that is not said.
+
+    Raises
+    ------
+    InputError
+        For heads the machine has not, and places that are none.
+    """
+    name, has_place, place = text.partition("=")
+    refuse_unknown_head("--fenced", text, name, machine)
+    if not has_place:
+        return name, None
+    return name, machine.head(name).park if place == PARKED else _point(text, place)
+
+
+def _line(line: NDArray[np.float64]) -> Stands:
+    return tuple((x, y, z) for x, y, z in line.tolist())
 
 
 def late_heads(stated: Sequence[str], machine: Machine) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""The machine of the heads that live: those that failed are obstacles where they stand.
+"""The machine of the heads that live: those that failed are obstacles where they may stand.
 
 A head's reach is lessened to one side of the obstacle, so that it never comes near, whatever it
 does. That is more careful than it has to be where heads could pass.
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.print.contours import Contours
 from decmcts.print.kinematics import separations
-from decmcts.print.machine import Head, Machine, Point
+from decmcts.print.machine import Head, Machine, Stands, line_of
 
-Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corner, (2,) mm
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corner, mm
 BESIDE_MM = 0.01  # more than it must be: files round
 
 
-def living_machine(machine: Machine, fenced: Mapping[str, Point], rest: Contours) -> Machine:
+def living_machine(machine: Machine, fenced: Mapping[str, Stands], rest: Contours) -> Machine:
     """Return the machine without heads that are `fenced` where they stand.
 
     Parameters
@@ -38,8 +38,10 @@ def living_machine(machine: Machine, fenced: Mapping[str, Point], rest: Contours
     if not heads:
         raise InputError("every head is fenced, so none is left to print with")
     known = {head.name: head for head in machine.heads}
-    for name, place in fenced.items():
-        heads = [_beside(machine, head, known[name], place, rest) for head in heads]
+    for name, stands in fenced.items():
+        line = line_of(stands)
+        there = line.min(axis=0), line.max(axis=0)
+        heads = [_beside(machine, head, known[name], there, rest) for head in heads]
     return machine.of_heads(heads)
 
 
@@ -49,12 +51,13 @@ def slowed(machine: Machine, slower: Mapping[str, float]) -> Machine:
     return replace(machine, heads=tuple(heads))
 
 
-def _beside(machine: Machine, head: Head, gone: Head, place: Point, rest: Contours) -> Head:
-    """Return a head whose reach keeps clear of one that stands at `place`."""
+def _beside(machine: Machine, head: Head, gone: Head, there: Box, rest: Contours) -> Head:
+    """Return a head whose reach keeps clear of one that stands anywhere in a box."""
     for kept in separations(machine, gone.name, head.name):
-        limit = place[kept.axis] + kept.side * kept.least_mm
+        nearest = float(there[kept.side > 0][kept.axis])
+        limit = nearest + kept.side * kept.least_mm
         head = _cut(head, gone, kept.axis, limit, upwards=kept.side > 0)
-    low, high = _forbidden(machine, head, gone, place)
+    low, high = _forbidden(machine, head, gone, there)
     sides = [(axis, float(low[axis]), False) for axis in (0, 1)]
     sides += [(axis, float(high[axis]), True) for axis in (0, 1)]
     if any(_keeps(head, *side) for side in sides):
@@ -66,12 +69,11 @@ def _beside(machine: Machine, head: Head, gone: Head, place: Point, rest: Contou
     return max(cut, key=lambda one: _reached(one, rest))
 
 
-def _forbidden(machine: Machine, head: Head, gone: Head, place: Point) -> Box:
-    """Return where the nozzle of a head might touch one that stands at `place`, seen from above."""
+def _forbidden(machine: Machine, head: Head, gone: Head, there: Box) -> Box:
+    """Return where the nozzle of a head might touch one that stands there, seen from above."""
     (low, high), (its_low, its_high) = _outline(head), _outline(gone)
     margin = max(machine.head_clearance_mm, machine.clearance_mm) + BESIDE_MM
-    there = np.array(place[:2])
-    return there + its_low - high - margin, there + its_high - low + margin
+    return there[0][:2] + its_low - high - margin, there[1][:2] + its_high - low + margin
 
 
 def _outline(head: Head) -> Box:

@@ -19,7 +19,7 @@ from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.to_park import routes_to_parks, top_of
 from decmcts.print.contours import taken
-from decmcts.print.machine import Machine, Point
+from decmcts.print.machine import Machine, Stands, line_of
 from decmcts.print.plan import NO_CONTOUR, HeadActions, PlanDocument
 from decmcts.print.print_state import HeadState, PrintState, whereabouts
 from sim.heads.to_park import Whereabouts, check_to_park
@@ -60,7 +60,7 @@ def refuse_earlier(files: tuple[ParkFile, ...], stem: Path) -> None:
 
 def park_files(
     document: PlanDocument, source: Source, state: PrintState, machine: Machine,
-    fenced: Mapping[str, Point],
+    fenced: Mapping[str, Stands],
 ) -> tuple[ParkFile, ...]:  # fmt: skip
     """Return the files in the order to run them; none where all heads stand at their parks.
 
@@ -72,7 +72,7 @@ def park_files(
         Where heads were seen last; one that was not seen is at its park.
     machine : Machine
         With all heads, those that print no more too.
-    fenced : Mapping[str, Point]
+    fenced : Mapping[str, Stands]
         Heads that do not move, and where they stand.
 
     Raises
@@ -105,7 +105,7 @@ def park_files(
 
 
 def _lines(
-    document: PlanDocument, state: PrintState, machine: Machine, fenced: Mapping[str, Point]
+    document: PlanDocument, state: PrintState, machine: Machine, fenced: Mapping[str, Stands]
 ) -> dict[str, Line]:
     """Return where each head stands that is not fenced."""
     seen = {one.head: (one, actions) for one, actions in _heads(document, state)}
@@ -124,12 +124,12 @@ def _heads(document: PlanDocument, state: PrintState) -> list[tuple[HeadState, H
 
 
 def _stated(
-    moves: str, stands: Mapping[str, Line], machine: Machine, fenced: Mapping[str, Point]
+    moves: str, stands: Mapping[str, Line], machine: Machine, fenced: Mapping[str, Stands]
 ) -> list[str]:
     """Return in words where each head stands before a file is run, a line each."""
     found = []
     for head in machine.heads:
-        line = stands[head.name] if head.name in stands else np.array([fenced[head.name]])
+        line = stands[head.name] if head.name in stands else line_of(fenced[head.name])
         low, high = line.min(axis=0), line.max(axis=0)
         places = ", ".join(
             f"{axis} {a:.2f}" if b - a <= AT_PARK_MM else f"{axis} {a:.2f} to {b:.2f}"
@@ -144,7 +144,7 @@ def _stated(
 
 def _require_clear(
     files: list[ParkFile], document: PlanDocument, state: PrintState, machine: Machine,
-    lines: Mapping[str, Line], fenced: Mapping[str, Point],
+    lines: Mapping[str, Line], fenced: Mapping[str, Stands],
 ) -> None:  # fmt: skip
     """Raise VerificationError unless the judge finds that the files lead heads to their parks."""
     within = {
@@ -154,6 +154,6 @@ def _require_clear(
     standing = {
         name: Whereabouts(line, within.get(name, NO_CONTOUR)) for name, line in lines.items()
     }
-    standing |= {name: Whereabouts(np.array([at]), moves=False) for name, at in fenced.items()}
+    standing |= {name: Whereabouts(line_of(at), moves=False) for name, at in fenced.items()}
     texts = [one.text for one in files]
     require_passed(check_to_park(texts, document, machine, state.done, standing))

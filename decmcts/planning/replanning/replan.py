@@ -49,7 +49,7 @@ from decmcts.planning.team.pipeline import Launch, plan_team
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours, taken
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Fenced, Machine, Point
+from decmcts.print.machine import Fenced, Machine, Stands
 from decmcts.print.plan import OrderRules, PlanDocument
 from decmcts.print.print_state import PrintState
 from decmcts.print.toolpath import Toolpath
@@ -123,7 +123,7 @@ def rest_of(
     document: PlanDocument,
     source: Source,
     state: PrintState,
-    fenced: Mapping[str, Point],
+    fenced: Mapping[str, Stands],
     left_beads: LeftBeads = LeftBeads.LEAVE,
     report: Report = unheard,
     slower: Mapping[str, float] | None = None,
@@ -137,7 +137,7 @@ def rest_of(
         The plan that was carried out.
     source : Source
         The print it was made from.
-    fenced : Mapping[str, Point]
+    fenced : Mapping[str, Stands]
         Heads that print no more, and where they stand.
     slower : Mapping[str, float] | None
         Heads that were seen to be late, and how many times as long as planned they take.

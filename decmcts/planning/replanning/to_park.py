@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.gcode.writing.park_file import AxisWords
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Head, Machine, Point
+from decmcts.print.machine import Head, Machine, Point, Stands, line_of
 from sim.replay.fenced import too_near
 
 SAME_MM = 1e-6
@@ -54,7 +54,7 @@ def top_of(*stands: Contours | None) -> float:
 
 
 def routes_to_parks(
-    machine: Machine, standing: Mapping[str, NDArray[np.float64]], fenced: Mapping[str, Point],
+    machine: Machine, standing: Mapping[str, NDArray[np.float64]], fenced: Mapping[str, Stands],
     top_mm: float,
 ) -> list[Route]:  # fmt: skip
     """Return routes in the order in which they keep clear; none of heads that are at their parks.
@@ -65,7 +65,7 @@ def routes_to_parks(
         With all heads, those that failed too.
     standing : Mapping[str, NDArray]
         Lines on which each head stands somewhere that is to go, (k, 3) mm.
-    fenced : Mapping[str, Point]
+    fenced : Mapping[str, Stands]
         Where each head stands that does not move.
     top_mm : float
         How high all stands that is printed.
@@ -75,7 +75,7 @@ def routes_to_parks(
     InputError
         When some head has no clear route.
     """
-    places = {name: np.array([[*at, *at]], np.float64) for name, at in fenced.items()}
+    places = {name: _boxes(line_of(stands)) for name, stands in fenced.items()}
     places |= {name: _boxes(line) for name, line in standing.items()}
     parks = {head.name: np.array([[*head.park, *head.park]]) for head in machine.heads}
     found = list[Route]()

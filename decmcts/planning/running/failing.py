@@ -20,7 +20,7 @@ import math
 import time
 from dataclasses import dataclass
 
-from agents.running.port import ABORTED, SILENT, SILENT_S, STARTS_S
+from agents.running.port import ABORTED, SILENT, SILENT_S, STARTS_S, Abort, Finish
 from decmcts.planning.events import Note
 from decmcts.planning.running.options import Failure
 from decmcts.planning.running.renewing import Renewal
@@ -31,6 +31,7 @@ from decmcts.print.print_events import EventKind
 SETTLES_S = 3.0 * SILENT_S  # until others hear the agent that is started in its place
 PATIENCE = 3  # times that they may find to one another
 AGENT, BUS, HANGS = "its agent was lost", "it lost the bus", "its controller hangs"
+FENCED = "fenced by a person"
 PERSON = (
     "say `fenced {name} X,Y,Z` once it is sure to be off, or `fenced {name} park X,Y,Z` if you "
     "have put it to its park: X,Y,Z is where it had stopped"
@@ -53,12 +54,12 @@ class Failing:
             head = self.team.heads[h]
             if head.controller_gone or head.heard_at < since:
                 self._lose(h, head.controller_gone or HANGS)
-            elif self._says_off(h) and (head.agent_gone or head.pulse_at < since):
+            elif self.says_off(h) and (head.agent_gone or head.pulse_at < since):
                 self._start_another_agent(h)
             elif head.agent_gone:
                 why = f"{AGENT} ({head.agent_gone})"
                 self._lose(h, why)
-                self.team.processes[h].finish(why)
+                self.team.processes[h].tell_controller(Finish(why))
         for h in self.team.lost():
             head = self.team.heads[h]
             if not head.asked and (head.controller_gone or head.heard_at < since):
@@ -76,8 +77,8 @@ class Failing:
         head.parks, head.fenced, head.failure.fenced_s = False, False, math.nan  # who knows where
         self.renewal.hold()
 
-    def _says_off(self, h: int) -> bool:
-        """Tell whether its controller's last word is that a head is off; it does not repeat it."""
+    def says_off(self, h: int) -> bool:
+        """Tell whether its controller's last word is that a head is off."""
         last = self.team.plans[self.team.heads[h].number].last(h)
         return last is not None and last.kind is EventKind.FAILED
 
@@ -114,13 +115,13 @@ class Failing:
         if worst is None:
             return
         self._settled_at = now
-        if self._says_off(worst):
+        if self.says_off(worst):
             self._start_another_agent(worst)
         elif heads[worst].parks:
             self.team.processes[worst].kill()  # it would go on while a person looks
             self._lose(worst, BUS)
         else:
-            self.team.tell(worst, command="abort", why=BUS)
+            self.team.processes[worst].tell_controller(Abort(BUS))
 
     def _deaf(self, suspected: list[int]) -> int | None:
         """Return which of these heads has lost its bus; None: that is not known yet, or none has.
@@ -161,13 +162,15 @@ class Failing:
         self.renewal.held.pop(h, None)
         team.note(f"head {head.name} failed: {why}")
 
-    def fence(self, h: int, at: Point, why: str = ABORTED) -> None:
+    def fence(self, h: int, at: Point, why: str) -> None:
         """Make sure that a head does nothing any more but go to its park, if it can do that."""
         head, processes = self.team.heads[h], self.team.processes[h]
         assert head.failure is not None
-        if why != ABORTED and self._is_off(h):
+        if why != FENCED and self._is_off(h):
+            if why == ABORTED:
+                processes.kill()
             return
-        head.parks = why != ABORTED
+        head.parks = why not in (ABORTED, FENCED)
         if not head.parks:
             processes.kill()
         elif head.agent_gone or why in (BUS, SILENT):

@@ -12,7 +12,7 @@ import queue
 import secrets
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -55,6 +55,7 @@ class Launcher:
     report: Report = unheard
     show: Show = unseen
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None
+    keep: Callable[[Sequence[Carried]], None] = lambda _prints: None
     received: queue.Queue[AgentLine | Recorded | News] = field(default_factory=queue.Queue)
     team: Team = field(init=False)
     renewal: Renewal = field(init=False)
@@ -78,7 +79,7 @@ class Launcher:
             try:
                 self._spawn(places)
                 self._start()
-                while not self._is_over():
+                while not self.is_over():
                     self.step()
             finally:
                 self._is_ending = True
@@ -89,6 +90,7 @@ class Launcher:
                 if self.team.witness is not None:
                     self.team.witness.end()
                 self._receive(0.0)
+                self.keep(self.team.prints())
 
     def _spawn(self, places: Places) -> None:
         """Start two processes a head; a head alone needs no place to meet others."""
@@ -116,9 +118,10 @@ class Launcher:
         until = time.monotonic() + START_S
         while not all(head.number == 0 for head in heads):
             if time.monotonic() > until or any(h.agent_gone or h.controller_gone for h in heads):
-                gone = [h.name for h in heads if h.number < 0]
-                why = next((h.agent_gone for h in heads if h.agent_gone), "")
-                raise InputError(f"the processes of {', '.join(gone)} did not start {why}".strip())
+                ended = [(h.name, h.agent_gone or h.controller_gone) for h in heads]
+                gone = [f"{name} ({why})" for name, why in ended if why]
+                gone = gone or [h.name for h in heads if h.number < 0]
+                raise InputError(f"the processes of {', '.join(gone)} did not start")
             self._receive()
         self.on_start(
             {head.name: (one.agent.pid, one.controller_pid)
@@ -133,6 +136,7 @@ class Launcher:
         self.asking.obey()
         self.failing.find()
         self.renewal.step()
+        self.keep(self.team.prints())
         now = time.monotonic()
         if now - self._shown_at > SHOWN_S:
             self._shown_at = now
@@ -190,7 +194,8 @@ class Launcher:
     def _take_event(self, h: int, event: PrintEvent) -> None:
         team, failure = self.team, self.team.heads[h].failure
         carried = team.plans[team.heads[h].number]
-        carried.take(h, replace(event, head=carried.heads.index(h)))
+        if not self.failing.says_off(h):  # it says so once more when it is aborted
+            carried.take(h, replace(event, head=carried.heads.index(h)))
         if failure is not None and not carried.is_print and team.has_done(h):
             failure.at = team.park(h)
         self._event_at = time.monotonic()
@@ -223,8 +228,7 @@ class Launcher:
                 process = self.team.processes[item.head].agent
                 head.agent_gone = process.ending() or "its agent ended"
             case {"event": "stands"} as line:
-                head.paused, head.waits_for = bool(line["paused"]), line["waits_for"]
-                head.missing = tuple(line["missing"])
+                head.waits_for, head.missing = line["waits_for"], tuple(line["missing"])
             case {"event": "held", "count": count, "number": number, "released": released}:
                 self.renewal.take_held(item.head, count, number, released)
             case {"event": "controller", "how": how}:
@@ -232,7 +236,8 @@ class Launcher:
 
     # The end ----------------------------------------------------------------
 
-    def _is_over(self) -> bool:
+    def is_over(self) -> bool:
+        """Tell whether nothing more happens, and nobody can be asked."""
         team, asking, renewal = self.team, self.asking, self.renewal
         if renewal.is_busy:
             return False
@@ -243,7 +248,7 @@ class Launcher:
             return False
         if all(map(team.has_done, living)) and not lost:
             return not (renewal.reason and asking.is_open and not asking.aborted)
-        if not asking.is_open and lost:
-            quiet = time.monotonic() - self._event_at > QUIET_S
-            return quiet and not any(team.heads[h].paused for h in living)
-        return False
+        if asking.is_open or not (lost or team.paused()):
+            return False
+        quiet = time.monotonic() - self._event_at > QUIET_S
+        return quiet and all(map(team.stands, team.listening()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,6 +97,7 @@ def run(
     show: Show = unseen,
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None,
     on_launcher: Callable[[Launcher], None] = lambda _launcher: None,
+    keep: Callable[[Sequence[Carried]], None] = lambda _prints: None,
 ) -> RunResult:
     """Carry a plan out with simulated controllers, two processes a head.
 
@@ -116,6 +117,9 @@ def run(
         Told the process ids of each head's agent and controller, by its name.
     on_launcher : Callable
         Told the launcher before it begins, for trials that look at its clock.
+    keep : Callable
+        Told all plans that print and that heads began, with what has happened in them, again and
+        again, and last when all processes have ended, whatever ended the run.
 
     Raises
     ------
@@ -131,7 +135,9 @@ def run(
         asked.put(None)
     report(Step("starting agents and controllers"))
     with draft_folder() as folder:
-        launcher = Launcher(document, source, options, Path(folder), asked, report, show, on_start)
+        launcher = Launcher(
+            document, source, options, Path(folder), asked, report, show, on_start, keep
+        )  # fmt: skip
         on_launcher(launcher)
         launcher.run()
     report(Step("judging where heads were"))
@@ -141,6 +147,8 @@ def run(
     unprinted, reason = team.unprinted + renewal.left_out, renewal.reason
     if unprinted and not team.living():
         reason = "the rest is not planned: no head works any more"
+    elif unprinted and (paused := team.paused()):
+        reason = reason or f"{', '.join(paused)} stood until somebody says resume, and nobody could"
     return RunResult(
         names, plans, team.makespan_s, document.plan.makespan_s, len(document.contours),
         unprinted, tuple(team.failures), dict(team.moved),

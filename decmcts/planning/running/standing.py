@@ -23,7 +23,7 @@ class Standing:
 
     name: str
     number: int = -1  # of the plan its controller holds
-    paused: bool = False
+    paused: bool = False  # a person asked for it
     waits_for: int | None = None
     missing: tuple[int, ...] = ()  # heads its agent does not hear
     pulse_at: float = -math.inf

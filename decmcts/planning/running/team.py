@@ -78,6 +78,10 @@ class Team:
         """Return the heads that failed and are not fenced."""
         return [h for h, head in enumerate(self.heads) if head.failure and not head.fenced]
 
+    def paused(self) -> list[str]:
+        """Return the names of the heads that stand until a person has them go on."""
+        return [self.heads[h].name for h in self.listening() if self.heads[h].paused]
+
     def tell(self, head: int, /, **command: object) -> None:
         """Give the agent of a head a command."""
         self.processes[head].agent.tell(command)
@@ -114,9 +118,13 @@ class Team:
         """Return the plans that heads began; the first of all counts in any case."""
         return [carried for carried in self.plans if carried.begun]
 
+    def prints(self) -> list[Carried]:
+        """Return the plan, and those that print and that heads began, each of the last's rest."""
+        return [carried for carried in self.begun() if carried.is_print]
+
     def printing(self) -> Carried:
         """Return the last plan that prints and that heads began."""
-        return next(carried for carried in reversed(self.begun()) if carried.is_print)
+        return self.prints()[-1]
 
     def last_of(self, h: int, before: int | None = None) -> Carried:
         """Return the last plan that a head is in (before one), and that holds."""
@@ -127,6 +135,13 @@ class Team:
         last = self.last_of(h, before)
         holds = self.heads[h].number >= last.number
         return holds and last.reached.get(h, NOTHING).ended >= last.count(h)
+
+    def stands(self, h: int) -> bool:
+        """Tell whether a head does nothing more before another, or a person, has done something."""
+        head = self.heads[h]
+        reached = self.plans[max(head.number, 0)].reached.get(h, NOTHING)
+        rests = head.paused or head.waits_for is not None
+        return self.has_done(h) or (rests and not reached.begun)
 
     def goes_on_in(self, carried: Carried, h: int) -> bool:
         """Tell whether a head may do more of a plan: it works, or it travels to its park."""

@@ -151,6 +151,10 @@ def test_the_source_of_the_whole_print_is_not_that_of_its_rest(
         (["--layer", "2", "--slower", "left"], "'' is no factor"),
         (["--layer", "2", "--slower", "left=0.5"], "'0.5' is no factor"),
         (["--layer", "2", "--slower", "left=nan"], "'nan' is no factor"),
+        (
+            ["--layer", "2", "--slower", "left=2", "--fenced", "left=park"],
+            "left: the head is fenced, and prints no more",
+        ),
     ],
 )
 def test_bad_input_gets_one_line(

@@ -19,7 +19,7 @@ from decmcts.planning.problem.print_problem import problem_of
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
-from decmcts.print.machine import Fenced, Machine, Point
+from decmcts.print.machine import Fenced, Machine, Stands
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.toolpath import Toolpath
@@ -111,7 +111,7 @@ def within_print(document: PlanDocument, head: int, after_s: float) -> tuple[flo
 
 
 def faults_beside(
-    document: PlanDocument, machine: Machine, places: dict[str, Point]
+    document: PlanDocument, machine: Machine, places: dict[str, Stands]
 ) -> list[Fault]:
     """Return what the judge says of a plan beside heads that are fenced there."""
     return check_fenced(replace(document, fenced=Fenced(machine, places)))

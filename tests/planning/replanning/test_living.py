@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.replanning.fenced import fenced_places
 from decmcts.planning.replanning.living import living_machine
-from decmcts.print.print_state import HeadState, PrintState
+from decmcts.print.machine import Fenced, line_of
+from decmcts.print.plan import JointPlan
+from decmcts.print.print_state import HeadState, PrintState, state_of_events
 from tests.makers.random_machines import random_machine
-from tests.planning.replanning.conftest import Made
+from tests.planning.replanning.conftest import Made, log_until, within_print
 
 
 def test_on_a_rail_the_separation_is_kept(made: Made) -> None:
@@ -68,18 +73,41 @@ def test_heads_that_cannot_be_kept_away_are_refused(made: Made) -> None:
         living_machine(machine, both, made.document.contours)
 
 
-def test_where_fenced_heads_stand() -> None:
+def test_where_fenced_heads_stand(made: Made) -> None:
     """As a person says; else where events saw it, else at its park."""
-    machine = load_machine("dual-gantry")
+    machine = made.document.machine
     seen = HeadState("right", 3, at=(200.0, 50.0, 1.0), failed=True)
     state = PrintState((HeadState("left", 0), seen), None)  # type: ignore[arg-type]
-    assert fenced_places([], machine, state, seen=True) == {"right": (200.0, 50.0, 1.0)}
-    moved = fenced_places(["right=1,2,3"], machine, state, seen=True)
+    assert fenced_places([], made.document, state, seen=True) == {"right": ((200.0, 50.0, 1.0),)}
+    moved = fenced_places(["right=1,2,3"], made.document, state, seen=True)
     assert moved == {"right": (1.0, 2.0, 3.0)}
-    parked = fenced_places(["right=park"], machine, state, seen=True)
+    parked = fenced_places(["right=park"], made.document, state, seen=True)
     assert parked == {"right": machine.heads[1].park}
-    both = fenced_places(["left"], machine, state, seen=True)
-    assert both["left"] == machine.heads[0].park
+    both = fenced_places(["left"], made.document, state, seen=True)
+    assert both["left"] == (machine.heads[0].park,)
+
+
+def test_a_head_that_did_not_fail_may_have_gone_on(made: Made) -> None:
+    """It counted as where it was seen last: another went where it may have stood by then."""
+    time_s, k = within_print(made.document, 0, 30.0)
+    state = state_of_events(made.document, log_until(made.document, time_s))
+    stands = fenced_places(["left"], made.document, state, seen=True)
+    path = made.document.plan.heads[0].action_path(k)
+    assert np.array_equal(line_of(stands["left"]), path)
+    assert path[0, 0] + 5.0 < path[:, 0].max()
+    lone = living_machine(made.document.machine, stands, made.document.contours)
+    assert lone.heads[0].reach_min[0] == pytest.approx(path[:, 0].max() + 70.0)
+
+
+def test_where_a_head_may_stand_is_kept_in_its_plan(made: Made, tmp_path: Path) -> None:
+    """A line as its points, a place as before."""
+    for stands in (((200.0, 50.0, 1.0), (220.0, 50.0, 1.0)), (200.0, 50.0, 1.0)):
+        lone = made.document.machine.of_heads(made.document.machine.heads[:1])
+        fenced = Fenced(made.document.machine, {"right": stands})
+        path = tmp_path / "plan.json"
+        write_plan(replace(made.document, machine=lone, plan=JointPlan(()), fenced=fenced), path)
+        found = read_plan(path).fenced
+        assert found is not None and found.at == {"right": stands}
 
 
 @pytest.mark.parametrize(
@@ -93,9 +121,8 @@ def test_where_fenced_heads_stand() -> None:
         ("right=1e9,1,2", "is no place"),
     ],
 )
-def test_bad_places_are_refused(said: str, what: str) -> None:
+def test_bad_places_are_refused(made: Made, said: str, what: str) -> None:
     """In one line."""
-    machine = load_machine("dual-gantry")
     state = PrintState((HeadState("left", 0), HeadState("right", 0)), None)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=what):
-        fenced_places([said], replace(machine), state, seen=False)
+        fenced_places([said], made.document, state, seen=False)

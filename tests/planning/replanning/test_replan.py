@@ -14,6 +14,7 @@ from decmcts.errors import InputError, VerificationError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.made_from import rules_of
+from decmcts.planning.replanning.fenced import fenced_places
 from decmcts.planning.replanning.replan import Rest, replan, rest_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.result import Result
@@ -78,6 +79,27 @@ def test_a_dead_head_leaves_what_it_alone_reaches(made: Made, alone: Any) -> Non
     result = planned(made, rest, alone)
     assert result.verdict.ok
     assert rest.lines[0] in result.planned.problem.job.notes
+
+
+@pytest.mark.slow
+def test_a_dead_head_that_may_have_gone_on_is_met_nowhere_on_its_path(
+    made: Made, alone: Any
+) -> None:
+    """Beside where it was seen last another head came too near to where it may stand."""
+    time_s, k = within_print(made.document, 0, 30.0)
+    state = state_of_events(made.document, log_until(made.document, time_s))
+    path, machine = made.document.plan.heads[0].action_path(k), made.document.machine
+    nearest = {"left": tuple(path[path[:, 0].argmax()].tolist())}
+    anywhere = fenced_places(["left"], made.document, state, seen=True)
+    result = planned(made, rest_of(made.document, made.source, state, anywhere), alone)
+    assert result.verdict.ok and not faults_beside(result.document, machine, nearest)
+    (head,) = result.document.machine.heads
+    near = replace(head, park=(float(path[0, 0]) + 70.0, 100.0, 5.0))  # to where it was seen
+    assert near.park[0] < head.reach_min[0]
+    there = result.document.machine.of_heads((near,))
+    idle = replace(result.document, machine=there, plan=JointPlan(()))
+    assert faults_beside(idle, machine, anywhere)
+    assert not faults_beside(idle, machine, {"left": tuple(path[0].tolist())})
 
 
 @pytest.mark.slow

@@ -149,6 +149,21 @@ def test_heads_that_hold_other_plans_begin_nothing(made: Made) -> None:
     assert not together.events and together.carriers[0].waits_for() == 1
 
 
+def test_a_head_that_failed_before_it_said_what_it_holds_is_not_waited_for(made: Made) -> None:
+    """It never says it any more: the others waited for ever, with what needs nothing of it."""
+    together = Together(made.document, Weather())
+    together.dead = {1}
+    together.carriers[0].fence(1, -1, NOTHING)  # in a plan before
+    for _ in range(400):
+        together.step()
+    assert not together.events and together.carriers[0].waits_for() == 1
+    together.carriers[0].fence(1, 0, NOTHING)
+    together.carriers[0].take_limit(0, 1)
+    together.run(600.0)
+    assert together.carriers[0].done and together.events
+    assert_in_order(made.document, together.events)
+
+
 def test_held_heads_go_on_up_to_their_limit(made: Made) -> None:
     """No more is released than was, until a limit is told; and then no more than that."""
     together = Together(made.document, Weather())

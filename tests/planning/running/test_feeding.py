@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.messages.event_stream import pack_event
 from agents.running.clock import PrintClock
+from agents.running.port import ABORTED, Abort, Start
+from decmcts.planning.running.failing import BUS
 from decmcts.print.plan import HeadActions, JointPlan
 from decmcts.print.print_events import EventKind
 from sim.controllers import serve
@@ -118,3 +121,22 @@ def test_what_agents_know_is_on_the_record(monkeypatch: pytest.MonkeyPatch, tmp_
     controller = serve.Controller(Namespace(clock=tmp_path / "clock", record=7))
     controller._say(b"something")
     assert written == [7, 1]
+
+
+def test_a_controller_that_is_off_says_so_again_when_it_is_aborted(
+    made: Made, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """And stays where it said it is, however late that comes; it goes to no park any more."""
+    said = list[bytes]()
+    monkeypatch.setattr(serve, "write_all", lambda _, content: said.append(content))
+    PrintClock.made(tmp_path / "clock", 1.0)
+    controller = serve.Controller(Namespace(clock=tmp_path / "clock", record=7))
+    controller.feeding = Feeding(0, Work.of_plan(made.document, "left"))
+    controller.feeding.release(1, 0.0)
+    list(controller.feeding.step(1e-3))
+    clogged = controller.feeding.fail("clogged", 0.5)
+    for why in (BUS, ABORTED, ABORTED):
+        controller._take(Abort(why))
+    assert said == [pack_event(replace(clogged, what=ABORTED))] * 2  # once on its record
+    controller._take(Start(1, "plan", ""))
+    assert controller.number == -1 and len(said) == 2

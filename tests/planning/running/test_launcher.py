@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from agents.launching.processes import AgentLine
 from agents.running.heads import Recorded
-from agents.running.port import SILENT_S, STARTS_S, Ready
+from agents.running.port import ABORTED, SILENT_S, STARTS_S, Abort, Finish, Ready
+from decmcts.errors import InputError
 from decmcts.planning.events import Event, Note
-from decmcts.planning.running import failing, renewing
+from decmcts.planning.running import failing, launcher, renewing
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.parking import parking_plan
@@ -45,8 +46,9 @@ class Listening:
     def restart(self) -> None:
         """Start no process."""
 
-    def finish(self, why: str) -> None:
-        """No controller is there to end its action."""
+    def tell_controller(self, command: Finish | Abort) -> None:
+        """Note it; no controller is there to be off."""
+        self.told.append({"command": type(command).__name__.lower(), "why": command.why})
 
     def kill(self) -> None:
         """Note it."""
@@ -535,3 +537,124 @@ def test_a_head_that_failed_while_it_was_paused_goes_to_its_park_when_it_may(des
     assert desk.told(RIGHT, "resume") and desk.told(LEFT, "resume")
     desk.launcher.asking.do(["abort", "right"])
     assert desk.told(RIGHT, "abort")
+
+
+# The end of standard input -------------------------------------------------
+
+
+def nobody_asks(desk: Desk, monkeypatch: pytest.MonkeyPatch, *lines: str) -> list[str]:
+    """Have people say their last, and let no event be waited for; return what is reported."""
+    said = list[str]()
+    desk.team.report = lambda event: said.append(event.text)
+    for line in (*lines, None):
+        desk.launcher.asked.put(line)
+    monkeypatch.setattr(launcher, "QUIET_S", -1.0)
+    desk.launcher.step()
+    return said
+
+
+def waits(desk: Desk, head: int, *, of: int | None) -> None:
+    """Have an agent say for whom its head stands."""
+    stands = {"event": "stands", "waits_for": of, "missing": []}
+    desk.launcher.take(AgentLine(head, stands))
+
+
+@pytest.mark.parametrize("whom", ["", " right"])
+def test_a_run_ends_whose_heads_nobody_can_resume(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, whom: str
+) -> None:
+    """It waited for ever, and said nothing. What needs nothing of them is done before."""
+    said = nobody_asks(desk, monkeypatch, f"pause{whom}")
+    assert len(said) == 1 and f"resume {whom.strip() or 'left, right'}" in said[0]
+    desk.event(LEFT, EventKind.BEGAN, (60.0, 100.0, 1.0))
+    assert not desk.launcher.is_over()
+    desk.event(LEFT, EventKind.ENDED, (60.0, 100.0, 1.0))
+    assert desk.launcher.is_over() is (not whom)  # it may go on
+    waits(desk, LEFT, of=RIGHT)
+    assert desk.launcher.is_over()
+
+
+def test_a_head_on_its_way_to_its_park_may_be_paused_when_standard_input_ends(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rest would begin once it has parked."""
+    nobody_asks(desk, monkeypatch, "pause right")
+    parked(desk)
+    waits(desk, LEFT, of=RIGHT)
+    assert desk.launcher.is_over() is False  # the rest is planned
+    desk.launcher.take(NotRenewed(desk.begun[-1], "for once", parked=True))
+    assert desk.launcher.is_over()
+
+
+def test_heads_that_were_told_to_go_on_are_waited_for(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not nobody_asks(desk, monkeypatch, "pause", "resume")
+    for h in (LEFT, RIGHT):
+        waits(desk, h, of=1 - h)
+    assert not desk.launcher.is_over()
+
+
+def test_long_beads_are_ended_where_nobody_is_asked_of_a_lost_head(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Behind two seconds without an event the run ended, though much could still be printed."""
+    desk.team.heads[RIGHT].controller_gone = "its controller ended"
+    desk.hold(0)
+    assert desk.team.lost() == [RIGHT]
+    nobody_asks(desk, monkeypatch)
+    desk.event(LEFT, EventKind.BEGAN, (60.0, 100.0, 1.0))
+    assert not desk.launcher.is_over()
+    desk.event(LEFT, EventKind.ENDED, (60.0, 100.0, 1.0))
+    assert not desk.launcher.is_over()  # it goes on
+    waits(desk, LEFT, of=RIGHT)
+    assert desk.launcher.is_over()
+
+
+def test_a_head_that_hears_nothing_is_not_asked_in_silence(desk: Desk) -> None:
+    """A person took it to be paused."""
+    for word in ("pause", "abort"):
+        desk.launcher.asking.do([word, "right"])
+    desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), ABORTED)
+    for word in ("pause", "abort"):
+        with pytest.raises(InputError, match="right is off"):
+            desk.launcher.asking.do([word, "right"])
+
+
+def test_a_head_whose_agent_is_lost_obeys_a_person_all_the_same(desk: Desk) -> None:
+    """Another agent took it to its park, where a person's hands were."""
+    desk.team.heads[RIGHT].agent_gone = "killed"
+    desk.launcher.step()
+    assert desk.team.lost() == [RIGHT]
+    desk.launcher.asking.do(["pause"])
+    desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), "its agent is gone")
+    assert desk.team.heads[RIGHT].parks and desk.told(RIGHT, "pause")
+    desk.launcher.asking.do(["abort", "right"])
+    assert desk.told(RIGHT, "abort")
+
+
+def test_a_head_that_clogged_and_is_aborted_stays_where_it_is(desk: Desk) -> None:
+    """It went to its park: its controller was off already, and did not listen."""
+    desk.clog(RIGHT)
+    assert desk.team.heads[RIGHT].parks
+    desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), ABORTED)
+    assert not desk.team.heads[RIGHT].parks and desk.team.processes[RIGHT].is_killed
+    assert len(desk.team.plans[0].events) == 1  # a stream with two of them is refused
+
+
+def test_a_head_that_is_aborted_at_its_park_changes_nothing(made: Made, desk: Desk) -> None:
+    parked(desk)
+    park = made.document.machine.heads[RIGHT].park
+    desk.says(RIGHT, Ready(1, ""))
+    desk.event(RIGHT, EventKind.BEGAN, (200.0, 100.0, 1.0))
+    desk.event(RIGHT, EventKind.ENDED, park)
+    desk.says(RIGHT, PrintEvent(EventKind.FAILED, RIGHT, 12.0, NO_ACTION, 0, park, what=ABORTED))
+    assert desk.team.processes[RIGHT].is_killed and not desk.renewal.unplanned
+
+
+def test_who_did_not_start_is_named_with_why(desk: Desk) -> None:
+    """Others were named, which had not come so far yet, or nobody."""
+    desk.team.heads[RIGHT].agent_gone = "killed by SIGKILL"
+    desk.team.heads[LEFT].number = -1
+    with pytest.raises(InputError, match=r"of right \(killed by SIGKILL\) did not start"):
+        desk.launcher._start()

@@ -35,6 +35,16 @@ def test_a_head_that_stands_there(
     assert {fault.kind for fault in faults} == kinds
 
 
+def test_a_head_may_stand_anywhere_on_a_line(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
+    """Only the end of it is too near; and what is printed under its middle counts."""
+    far, near = (345.0, 150.0, 10.0), (300.0, 150.0, 10.0)
+    (fault,) = faults_beside(left_alone, made.document.machine, {"right": (far, near)})[:1]
+    assert "which may stand from (345.00, 150.00, 10.00) to (300.00" in fault.text
+    across = ((240.0, 20.0, 0.1), (240.0, 190.0, 0.1))
+    faults = faults_beside(left_alone, made.document.machine, {"right": across})
+    assert FaultKind.HEAD_MATERIAL in {fault.kind for fault in faults}
+
+
 def test_without_a_rail_bodies_count(made: Made, left_alone: PlanDocument) -> None:  # noqa: F811
     """Two beams beside each other, 60 mm wide heads and 5 mm between them."""
     machine = replace(made.document.machine, rails=())
