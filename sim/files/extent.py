@@ -104,7 +104,7 @@ def _travels(motions: Motions) -> Ints:
     rows = moving(motions)
     goes = (motions.points[rows] != motions.points[rows + 1]).any(axis=1)
     goes &= (np.asarray(motions.extrusion)[rows] <= 0.0) & (np.asarray(motions.feed)[rows] > 0.0)
-    return rows[goes]
+    return np.asarray(rows[goes])
 
 
 def _feedless_moves(motions: Motions, source: Motions) -> list[Fault]:
