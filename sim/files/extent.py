@@ -20,6 +20,8 @@ from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.printed_file import moving
 
 SIZE_MM = 0.01  # slicers round coordinates
+FEED_SHARE = 0.01  # F words are rounded
+DOT_MM = 0.01  # of filament; less is what a bead too short for its coordinates leaves
 
 
 def check_extent(
@@ -63,10 +65,49 @@ def check_file_extent(motions: Motions, source: Motions, machine: Machine) -> li
 
 
 def check_file_feeds(motions: Motions, source: Motions) -> list[Fault]:
-    """Check that no move is made at feed 0 that the source does not make so.
+    """Check the feeds of moves that lay nothing; those of beads are compared bead by bead.
 
-    A file's first moves may come before any F; those are the source's.
+    Filament alone is pushed and pulled within the range of feeds in which the source does that, and
+    no travel is faster than the source's fastest. No move is made at feed 0 that the source does
+    not make so: a file's first moves may come before any F, and those are the source's.
     """
+    return [*_feedless_moves(motions, source), *_foreign_feeds(motions, source)]
+
+
+def _foreign_feeds(motions: Motions, source: Motions) -> list[Fault]:
+    lines = list[str]()
+    for kind, least_counts in ((_filament_alone, True), (_travels, False)):
+        due, rows = np.asarray(source.feed)[kind(source)], kind(motions)
+        if not len(due):
+            continue
+        low, high = due.min() * (1.0 - FEED_SHARE) * least_counts, due.max() * (1.0 + FEED_SHARE)
+        feed = np.asarray(motions.feed)[rows]
+        what = "moves filament alone" if least_counts else "travels"
+        lines += [
+            f"line {motions.line[i]} {what} at {v:.3f} mm/s, the source at {due.min():.3f} to "
+            f"{due.max():.3f}"
+            for i, v in zip(rows.tolist(), feed.tolist(), strict=True)
+            if not low <= v <= high
+        ]
+    return listed(FaultKind.FEED, lines[:LIMIT], total=len(lines))
+
+
+def _filament_alone(motions: Motions) -> Ints:
+    """Return the moves of filament on the spot, but for what rounding leaves of a bead."""
+    still = (np.diff(motions.points, axis=0) == 0.0).all(axis=1)
+    pushed = np.abs(np.asarray(motions.extrusion)) > DOT_MM
+    return np.flatnonzero(still & pushed & (np.asarray(motions.feed) > 0.0))
+
+
+def _travels(motions: Motions) -> Ints:
+    """Return the moves that go somewhere and lay nothing, wipes among them."""
+    rows = moving(motions)
+    goes = (motions.points[rows] != motions.points[rows + 1]).any(axis=1)
+    goes &= (np.asarray(motions.extrusion)[rows] <= 0.0) & (np.asarray(motions.feed)[rows] > 0.0)
+    return np.asarray(rows[goes])
+
+
+def _feedless_moves(motions: Motions, source: Motions) -> list[Fault]:
     theirs = {tuple(row) for row in _feedless(source)[1].tolist()}
     rows, ends = _feedless(motions)
     new = [

@@ -17,6 +17,7 @@ from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.motion import path_time, travel_feed
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
+from decmcts.team.schedule.timing import action_times
 
 LIFT_MM = 2.0  # off the print while it cools
 LEAST_WAIT_S = 0.25  # a shorter wait cools nothing and costs a retraction
@@ -37,7 +38,8 @@ def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> J
     """Return the plan with every wait its lags ask for, to a quarter of a second.
 
     Each becomes a travel straight up, a wait for what is then left if that is more than a
-    quarter of a second, and the travel from there to the next contour.
+    quarter of a second, and the travel from there to the next contour. Beads on both sides begin
+    and end at rest.
 
     Raises
     ------
@@ -55,6 +57,7 @@ def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> J
 
 def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list[_NewAction]:
     ended = np.zeros(len(job.contours))
+    at_rest = _seconds_at_rest(job, machine, old)
     rows: list[_NewAction] = []
     now = 0.0
     travels: list[_NewAction] = []  # to the next contour, not yet begun
@@ -70,12 +73,33 @@ def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list
         cool = (ended[lags.below[below]] + lags.seconds[below]).max(initial=0.0)
         begin = now + sum(t.seconds for t in travels)
         if cool > begin + LEAST_WAIT_S:
+            _stop(row, at_rest)
+            if rows:  # the bead before the wait ends later, so what is due may as well
+                now += _stop(rows[-1], at_rest)
+                ended[old.contour[rows[-1].action]] = now
             travels = list(_waiting(job, machine, row, travels, cool - begin))
         now += sum(t.seconds for t in travels) + row.seconds
         ended[contour] = now
         rows += [*travels, row]
         travels = []
     return rows + travels
+
+
+def _seconds_at_rest(job: PrintJob, machine: Machine, old: HeadActions) -> NDArray[np.float64]:
+    """Return how long each action takes from rest to rest, (k,)."""
+    head = machine.head(old.head)
+    times = action_times(
+        job, machine.limits_of(head), old.path, old.path_offsets, old.contour, old.reversed,
+        old.entry, rests=True,
+    )  # fmt: skip
+    return times.slowed(head.pace).seconds
+
+
+def _stop(row: _NewAction, at_rest: NDArray[np.float64]) -> float:
+    """Let a bead begin and end at rest; returns how much longer it takes (mutates row)."""
+    longer = max(0.0, float(at_rest[row.action]) - row.seconds)
+    row.seconds += longer
+    return longer
 
 
 def _waiting(

@@ -97,11 +97,12 @@ def test_moving_takes_time(make):
     assert kinds(make.edited(make.tower_plan(), 0, hurry)) == {K.TIMES}
 
 
-def motions(points, feed) -> Motions:
+def motions(points, feed, extrusion=None) -> Motions:
     m = len(points) - 1
     none = np.zeros(m)
+    pushed = none if extrusion is None else np.array(extrusion, float)
     return Motions(
-        np.array(points, float), none, np.array(feed, float), np.arange(m) + 1,
+        np.array(points, float), pushed, np.array(feed, float), np.arange(m) + 1,
         np.full(m, -1), none, none, placed=np.arange(m) == 0,
     )  # fmt: skip
 
@@ -126,3 +127,22 @@ def test_a_move_at_feed_0_is_a_fault():
     assert check_file_feeds(source, source) == []
     (fault,) = check_file_feeds(motions([HOME, HOME, A, B, A], [0, 0, 0, 50]), source)
     assert (fault.kind, fault.text) == (K.FEED, "line 3 moves at feed 0")
+
+
+@pytest.mark.parametrize("feed", [15.0, 41.0])
+def test_filament_alone_moves_at_feeds_of_the_source(feed):
+    """A retraction a hundred times as fast would strip the filament; one as slow would ooze."""
+    source = motions([HOME, HOME, A, A, A, B], [0, 50, 20, 40, 50], [0, 0, -1, 1, 0])
+    assert check_file_feeds(source, source) == []
+    ours = motions([HOME, HOME, A, A, A, B], [0, 50, 20, feed, 50], [0, 0, -1, 1, 0])
+    (fault,) = check_file_feeds(ours, source)
+    assert fault.kind == K.FEED and fault.text.startswith("line 4 moves filament alone at")
+    dots = motions([HOME, HOME, A, A, A, B], [0, 50, 20, feed, 50], [0, 0, -1, 0.003, 0])
+    assert check_file_feeds(dots, source) == []
+
+
+def test_no_travel_is_faster_than_the_source_s():
+    source = motions([HOME, HOME, A, B, A], [0, 50, 60, 50])
+    assert check_file_feeds(motions([HOME, HOME, A, B, A], [0, 50, 60, 30]), source) == []
+    (fault,) = check_file_feeds(motions([HOME, HOME, A, B, A], [0, 50, 61, 50]), source)
+    assert fault.kind == K.FEED and fault.text.startswith("line 3 travels at 61")

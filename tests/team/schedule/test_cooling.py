@@ -17,6 +17,7 @@ from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times, source_times
 from decmcts.team.schedule.joint_plan import schedule
+from decmcts.team.schedule.timing import action_times
 from decmcts.team.schedule.waits import LEAST_WAIT_S, LIFT_MM, add_waits
 from sim.faults import FaultKind
 from sim.verify import verify_plan
@@ -216,6 +217,28 @@ def test_waits_give_every_spot_its_time() -> None:
     ends = actions.path[actions.path_offsets[1:] - 1]
     assert (actions.path[actions.path_offsets[1:-1]] == ends[:-1]).all()
     assert (actions.begin_s[1:] == actions.end_s[:-1]).all()
+
+
+def test_beads_beside_a_wait_begin_and_end_at_rest() -> None:
+    """Without the wait the head goes on at speed, by a travel too short to be retracted."""
+    job, machine, graph = make([20.0, 20.6])
+    lags = lags_of(job, machine, graph, 10.0)
+    plain = plan_of(job, machine, graph, Toolpath.as_sliced(len(job.contours)))
+    lags = lags._replace(seconds=np.where(np.arange(len(lags.seconds)) % 2 == 1, 20.0, 0.0))
+    before, actions = plain.heads[0], add_waits(job, machine, plain, lags).heads[0]
+    rested = action_times(
+        job, machine.limits, before.path, before.path_offsets, before.contour, before.reversed,
+        before.entry, rests=True,
+    ).seconds  # fmt: skip
+    waits = np.flatnonzero(actions.kind == ActionKind.WAIT)
+    longer = 0.0
+    for k in waits.tolist():
+        for beside in (k - 2, k + 2):  # print, lift, wait, travel, print
+            (was,) = np.flatnonzero(before.contour == actions.contour[beside])
+            took = actions.end_s[beside] - actions.begin_s[beside]
+            assert took == pytest.approx(rested[was])
+            longer = max(longer, took - before.end_s[was] + before.begin_s[was])
+    assert longer > 1e-3
 
 
 def test_a_lift_that_takes_the_time_needs_no_dwell() -> None:
