@@ -12,6 +12,7 @@ import numpy as np
 
 from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours, Role
+from decmcts.print.job import ProcessSettings
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Flags, Floats, Ints
@@ -21,6 +22,7 @@ from sim.files.printed_file import moving
 
 SIZE_MM = 0.01  # slicers round coordinates
 FEED_SHARE = 0.01  # F words are rounded
+UNKNOWN_FEED = ProcessSettings().retract_feed  # mm/s, of filament where a source shows none
 DOT_MM = 0.01  # of filament; less is what a bead too short for its coordinates leaves
 
 
@@ -64,32 +66,33 @@ def check_file_extent(motions: Motions, source: Motions, machine: Machine) -> li
     return listed(FaultKind.OUT_OF_REACH, lines, total=len(bad))
 
 
-def check_file_feeds(motions: Motions, source: Motions) -> list[Fault]:
+def check_file_feeds(motions: Motions, source: Motions, machine: Machine) -> list[Fault]:
     """Check the feeds of moves that lay nothing; those of beads are compared bead by bead.
 
     Filament alone is pushed and pulled within the range of feeds in which the source does that, and
-    no travel is faster than the source's fastest. No move is made at feed 0 that the source does
-    not make so: a file's first moves may come before any F, and those are the source's.
+    no travel is faster than the source's fastest, or than the machine's usual travels. No move is
+    made at feed 0 that the source does not make so: a file's first moves may come before any F, and
+    those are the source's.
     """
-    return [*_feedless_moves(motions, source), *_foreign_feeds(motions, source)]
+    faults = _feedless_moves(motions, source)
+    if len(due := np.asarray(source.feed)[_filament_alone(source)]):
+        low, high = min(float(due.min()), UNKNOWN_FEED), max(float(due.max()), UNKNOWN_FEED)
+        faults += _outside(motions, _filament_alone(motions), low, high, "moves filament alone")
+    if len(due := np.asarray(source.feed)[_travels(source)]):
+        high = max(float(due.max()), machine.limits.travel_feed)
+        faults += _outside(motions, _travels(motions), 0.0, high, "travels")
+    return faults
 
 
-def _foreign_feeds(motions: Motions, source: Motions) -> list[Fault]:
-    lines = list[str]()
-    for kind, least_counts in ((_filament_alone, True), (_travels, False)):
-        due, rows = np.asarray(source.feed)[kind(source)], kind(motions)
-        if not len(due):
-            continue
-        low, high = due.min() * (1.0 - FEED_SHARE) * least_counts, due.max() * (1.0 + FEED_SHARE)
-        feed = np.asarray(motions.feed)[rows]
-        what = "moves filament alone" if least_counts else "travels"
-        lines += [
-            f"line {motions.line[i]} {what} at {v:.3f} mm/s, the source at {due.min():.3f} to "
-            f"{due.max():.3f}"
-            for i, v in zip(rows.tolist(), feed.tolist(), strict=True)
-            if not low <= v <= high
-        ]
-    return listed(FaultKind.FEED, lines[:LIMIT], total=len(lines))
+def _outside(motions: Motions, rows: Ints, low: float, high: float, what: str) -> list[Fault]:
+    """Return a fault for each of these moves whose feed is not in a range."""
+    feed = np.asarray(motions.feed)[rows]
+    bad = (feed < low * (1.0 - FEED_SHARE)) | (feed > high * (1.0 + FEED_SHARE))
+    lines = [
+        f"line {motions.line[i]} {what} at {v:.3f} mm/s; {low:.3f} to {high:.3f} are due"
+        for i, v in zip(rows[bad][:LIMIT].tolist(), feed[bad].tolist(), strict=False)
+    ]
+    return listed(FaultKind.FEED, lines, total=int(bad.sum()))
 
 
 def _filament_alone(motions: Motions) -> Ints:

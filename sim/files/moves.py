@@ -95,7 +95,7 @@ def check_moves(
         faults += check_file_epochs(ours.place, match, epoch)
         faults += check_file_priming(job.contours, printed, refills=job.refills)
     faults += check_file_extent(motions, source, machine)
-    faults += check_file_feeds(motions, source)
+    faults += check_file_feeds(motions, source, machine)
     contours = job.contours if job is not None and len(job.contours) else None
     contacts, warnings, beside = check_file_material(
         motions, given, machine, laid, printed, match, contours

@@ -121,28 +121,37 @@ def test_files_stay_over_bed_and_source(make):
         assert (fault.kind, fault.text[:6]) == (K.OUT_OF_REACH, "line 3")
 
 
-def test_a_move_at_feed_0_is_a_fault():
+def test_a_move_at_feed_0_is_a_fault(make):
     """It is judged like any move, and only the source's own are let through."""
+    machine = make.one_head_machine()
     source = motions([HOME, HOME, A, B, A], [0, 0, 50, 50])
-    assert check_file_feeds(source, source) == []
-    (fault,) = check_file_feeds(motions([HOME, HOME, A, B, A], [0, 0, 0, 50]), source)
+    assert check_file_feeds(source, source, machine) == []
+    (fault,) = check_file_feeds(motions([HOME, HOME, A, B, A], [0, 0, 0, 50]), source, machine)
     assert (fault.kind, fault.text) == (K.FEED, "line 3 moves at feed 0")
 
 
 @pytest.mark.parametrize("feed", [15.0, 41.0])
-def test_filament_alone_moves_at_feeds_of_the_source(feed):
+def test_filament_alone_moves_at_feeds_of_the_source(make, feed):
     """A retraction a hundred times as fast would strip the filament; one as slow would ooze."""
+    machine = make.one_head_machine()
     source = motions([HOME, HOME, A, A, A, B], [0, 50, 20, 40, 50], [0, 0, -1, 1, 0])
-    assert check_file_feeds(source, source) == []
+    assert check_file_feeds(source, source, machine) == []
     ours = motions([HOME, HOME, A, A, A, B], [0, 50, 20, feed, 50], [0, 0, -1, 1, 0])
-    (fault,) = check_file_feeds(ours, source)
+    (fault,) = check_file_feeds(ours, source, machine)
     assert fault.kind == K.FEED and fault.text.startswith("line 4 moves filament alone at")
     dots = motions([HOME, HOME, A, A, A, B], [0, 50, 20, feed, 50], [0, 0, -1, 0.003, 0])
-    assert check_file_feeds(dots, source) == []
+    assert check_file_feeds(dots, source, machine) == []
 
 
-def test_no_travel_is_faster_than_the_source_s():
+def test_no_travel_is_faster_than_the_source_s_or_the_machine_s(make):
     source = motions([HOME, HOME, A, B, A], [0, 50, 60, 50])
-    assert check_file_feeds(motions([HOME, HOME, A, B, A], [0, 50, 60, 30]), source) == []
-    (fault,) = check_file_feeds(motions([HOME, HOME, A, B, A], [0, 50, 61, 50]), source)
+    limits = make.one_head_machine().limits
+    machine = replace(make.one_head_machine(), limits=replace(limits, travel_feed=55.0))
+    for feed in (30, 60):
+        ours = motions([HOME, HOME, A, B, A], [0, 50, feed, 50])
+        assert check_file_feeds(ours, source, machine) == []
+    ours = motions([HOME, HOME, A, B, A], [0, 50, 61, 50])
+    (fault,) = check_file_feeds(ours, source, machine)
     assert fault.kind == K.FEED and fault.text.startswith("line 3 travels at 61")
+    swift = replace(machine, limits=replace(limits, travel_feed=70.0))
+    assert check_file_feeds(ours, source, swift) == []
