@@ -194,6 +194,9 @@ def test_head_files_go_to_their_parks_above_the_print(
     (path,) = again.write_gcode(tmp_path / "rest").paths
     moves = [row for row in path.read_text().splitlines() if re.match(r"G[01] .*[XYZ]", row)]
     assert moves[0].startswith("G1 Z55.") and moves[1].startswith("G1 X-45.000 Y150.000")
+    across, down, onward = (row.split(" F") for row in moves[1:4])
+    assert down[0].startswith("G1 Z") and down[1] != across[1]
+    assert onward[0].startswith("G1 X") and onward[1] == across[1]
 
 
 def _raised(result: Result) -> Any:

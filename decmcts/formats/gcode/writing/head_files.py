@@ -180,13 +180,14 @@ class _HeadFileWriter:
     def _park(self, park: Point) -> None:
         """Go to the park position, over what stands on the bed already."""
         emitter, printed = self.emitter, self.job.printed
-        (x, y, z), z_feed = park, (emitter.settings.z_feed or Z_FEED) * 60
+        (x, y, z), z_feed = park, emitter.settings.z_feed or Z_FEED
         over = z if printed is None else max(z, float(printed.top.max()) + OVER_PRINTED_MM)
-        emitter.say(f"G1 Z{over:.3f} F{z_feed:.0f}")
+        emitter.say(f"G1 Z{over:.3f} F{z_feed * 60:.0f}")
         emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
-        if over > z:
-            emitter.say(f"G1 Z{z:.3f} F{z_feed:.0f}")
         emitter.at, emitter.feed = park, emitter.travel_feed
+        if over > z:
+            emitter.say(f"G1 Z{z:.3f} F{z_feed * 60:.0f}")
+            emitter.feed = z_feed
 
     def _resume(self, cursor: Cursor) -> None:
         """Set modes and E as the source has them, after lines of it were left out."""
