@@ -241,6 +241,8 @@ class _Account:
                 pushed -= float(self.total[last] - self.total[first])
         if pushed > NET_MM:
             self.texts.append(f"{pushed:.4g} mm are pushed on the spot behind the last bead")
+        elif pushed > 0.0:  # what was too little to stop for, and is due to earlier beads
+            self.over += pushed
         return self.texts[:LIMIT]
 
     def _begin(self, bead: ContourMoves) -> None:

@@ -70,3 +70,14 @@ def test_a_head_that_prints_nothing_leaves_filament_as_the_start_code_does(tmp_p
     source.write_text(made_gcode(FOUR[:1]).replace("G1 E-0.80000", "G1 E-1.50000", 1))
     _, right = launched(source, "dual-gantry")
     assert not re.search(r"^G1 X\S+ Y\S+ E", right, re.M)
+
+
+@pytest.mark.usefixtures("agents_here")
+def test_filament_too_little_for_a_stop_is_given_at_the_end(tmp_path):
+    """Where nothing is retracted, what single moves push on the spot adds up."""
+    source = tmp_path / "in.gcode"
+    text = re.sub(r"^G1 E-?0\.80000 F2100\n", "", made_gcode(FOUR), flags=re.M)
+    source.write_text(re.sub(r"^(G1 F\d+)$", r"G1 E0.00001 F2100\n\1", text, flags=re.M))
+    launched(source, "dual-gantry")
+    plan = str(tmp_path / "one.gcode")
+    assert run(["plan", str(source), "--machine", "mk4s", "--time-limit", "0.3", "-o", plan]) == 0

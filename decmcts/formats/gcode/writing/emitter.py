@@ -196,18 +196,21 @@ class Emitter:
 
     # -- retraction -------------------------------------------------------------
 
-    def owe(self, owed: float, *, firmware: bool = False) -> None:
+    def owe(self, owed: float, *, firmware: bool = False, exact: bool = False) -> None:
         """Retract or push back until `owed` mm are retracted; below 0: until so much is pushed.
 
         A difference that is only rounding, where nothing was retracted, waits for the next
-        retraction: it is not worth a stop.
+        retraction: it is not worth a stop. If `exact` it does not, nor for long where moves never
+        retract.
         """
         if self.firmware_retracted != firmware:
             self.say("G10" if firmware else "G11")
             self.firmware_retracted = firmware
         change = self.owed - owed
-        if abs(change) > (1e-6 if self._pulled else ROUNDING_MM):
-            settings = self.settings
+        settings = self.settings
+        moves_retract = settings.retract_mm > 0.0 and not settings.firmware_retraction
+        waits = ROUNDING_MM if moves_retract else ROUNDING_MM / 20.0
+        if abs(change) > (1e-6 if self._pulled or exact else waits):
             feed = settings.unretract_feed if change > 0 else settings.retract_feed
             self.push(change, feed)
             self.owed = owed
