@@ -309,9 +309,15 @@ class Walker:
         return ""
 
     def _due(self, contour: int) -> float:
-        """Return what the source has retracted where a contour begins, mm."""
-        epoch = int(self.job.contours.epoch[contour])
-        return max(0.0, float(self.document.owed[contour]) + self._left.get(epoch, 0.0))
+        """Return what may be retracted where a contour begins, mm.
+
+        As much as in the source, and what a bead too small to make up for it has left over.
+        """
+        left = self._left.get(int(self.job.contours.epoch[contour]), 0.0)
+        if self.walk.laid:
+            last = self._line[self.walk.laid[-1].end - 1]
+            left = max(left, float(self.file.motion.extruder[last - 1, 1]))
+        return max(0.0, float(self.document.owed[contour]) + left)
 
     def _wipe(self, k: int) -> str:
         """Go past moves that pull filament back along the bead just printed."""

@@ -81,3 +81,11 @@ def test_filament_too_little_for_a_stop_is_given_at_the_end(tmp_path):
     launched(source, "dual-gantry")
     plan = str(tmp_path / "one.gcode")
     assert run(["plan", str(source), "--machine", "mk4s", "--time-limit", "0.3", "-o", plan]) == 0
+
+
+@pytest.mark.usefixtures("agents_here")
+def test_a_first_bead_too_small_for_what_the_start_code_pulls(tmp_path):
+    """A head that begins with it has some retracted still where its next bead begins."""
+    source = tmp_path / "in.gcode"
+    source.write_text(made_gcode(FOUR[::3]).replace("G1 E-0.80000", "G1 E-11.00000", 1))
+    launched(source, "dual-gantry")
