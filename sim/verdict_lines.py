@@ -24,7 +24,7 @@ PLAN_RULES = (
 GCODE_RULES = (
     "extrusions: each of the source's once, in its place, with its filament, feed and arcs",
     "commands: the source's, each once and between the same beads; settings and temperatures",
-    "filament: what is pushed and pulled between every two beads",
+    "filament: what is pushed and pulled between every two beads, and how fast",
     "order: barriers, priming, contacts of the source",
     "moves: within the machine's and the source's extent, and none touches what is printed",
 )
