@@ -156,13 +156,15 @@ def _between(lines: Sequence[int], above: int, below: int) -> Sequence[int]:
 
 
 def check_idle(
-    file: HeadFile, walk: Walk, begin: int, end: int, taken: Set[int], idling: Idling
-) -> tuple[list[str], set[int]]:
+    file: HeadFile, walk: Walk, begin: int, end: int, taken: Set[int], idling: Idling,
+    beyond_mm: float = 0.0,
+) -> tuple[list[str], set[int]]:  # fmt: skip
     """Check what a file does where its head stands idle, between lines `begin` and `end`.
 
     Returns what is wrong, and the lines that cool and heat again there.
 
-    `taken` are the lines that are the source's own.
+    `taken` are the lines that are the source's own. Before the head's first bead it may have so
+    much less retracted as the source pushes there beyond what was pulled (`beyond_mm`).
     """
     words, lines = list[str](), set[int]()
     own = [
@@ -193,7 +195,7 @@ def check_idle(
         words += late[best]  # behind it stand between the same lines
         del free[: here[best] + 1]
     words += _dwelt_elsewhere(file, groups)
-    words += _pushed(file, windows, idling)
+    words += _pushed(file, windows, idling, walk, beyond_mm)
     return words, lines
 
 
@@ -286,14 +288,18 @@ def _late(
         )
 
 
-def _pushed(file: HeadFile, windows: Sequence[tuple[int, int]], idling: Idling) -> Iterator[str]:
+def _pushed(
+    file: HeadFile, windows: Sequence[tuple[int, int]], idling: Idling, walk: Walk, beyond_mm: float
+) -> Iterator[str]:
     """Yield the stands in which filament is not pulled back as far as it has to be."""
-    deep, motion = idling.practice.retract_mm, file.motion
+    motion, first = file.motion, walk.laid[0].begin if walk.laid else len(file.motion.line)
     still = sorted(file.rests.waits + file.rests.dwells)
     for k in sorted(idling.stands or ()):
         low, high = windows[k]
         last = bisect_left(still, high) - 1  # others may be for what stands still above
         at = still[last] if last >= 0 and still[last] > low else high
         owed = float(motion.extruder[max(at - 2, 0), 1])
+        is_early = int(motion.before[at - 1]) <= first
+        deep = idling.practice.retract_mm - (beyond_mm if is_early else 0.0)
         if owed < deep - OWED_MM:
             yield f"line {at}: it stands idle with {owed:g} mm retracted, {deep:g} are due"

@@ -89,3 +89,26 @@ def test_a_first_bead_too_small_for_what_the_start_code_pulls(tmp_path):
     source = tmp_path / "in.gcode"
     source.write_text(made_gcode(FOUR[::3]).replace("G1 E-0.80000", "G1 E-11.00000", 1))
     launched(source, "dual-gantry")
+
+
+@pytest.mark.usefixtures("agents_here")
+def test_a_tool_that_pushes_more_at_first_than_was_pulled(tmp_path):
+    """Its head waits for the skirt with as little retracted as its first bead leaves it."""
+    source = tmp_path / "in.gcode"
+    rows = made_gcode(FOUR[::3]).split("\n")
+    out, tool, used = list[str](), 0, False
+    for row in rows:
+        to = re.match(r"G1 X(\S+) Y\S+ F9000", row)
+        if to and ";TYPE:Skirt/Brim" not in out[-4:] and (float(to[1]) > 130.0) != tool:
+            tool = 1 - tool
+            out.append(f"T{tool}")
+            if tool and not used:
+                out.append("G1 E-0.02000 F2100")
+                used = True
+        out.append(row)
+    source.write_text("\n".join(out))
+    plan, stem = str(tmp_path / "plan.json"), str(tmp_path / "out")
+    tools = ["--tool", "left=0", "--tool", "right=1", "--machine", "dual-gantry"]
+    assert (
+        run(["launch", str(source), *tools, "--time-limit", "0.3", "--plan", plan, "-o", stem]) == 0
+    )
