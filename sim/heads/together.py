@@ -193,9 +193,9 @@ def walk_file(
     words += _check_blocks(file, actions, job, document, blocks, walk)
     at_standby = set[int]()
     if walk.complete:
-        begins = document.start if more is None else more.end
-        beyond = max(0.0, begins.owed - begins.pulled)
-        wrong, at_standby = check_idle(file, walk, parked, end_code, taken, idling, beyond)
+        cursor = document.start if more is None else more.end
+        not_pulled = max(0.0, cursor.owed - cursor.pulled)
+        wrong, at_standby = check_idle(file, walk, parked, end_code, taken, idling, not_pulled)
         words += wrong
     if walk.complete and tool is not None:
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
