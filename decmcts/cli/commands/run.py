@@ -30,6 +30,7 @@ from decmcts.planning.replanning.other_tools import differences, other_tools
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.keeping import Keeping, refuse_earlier
 from decmcts.planning.running.options import Failure, RunOptions, RunView, Show
+from decmcts.planning.running.recorded import unkept
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
 from decmcts.planning.writing.places import (
@@ -149,18 +150,18 @@ def _carried_out(
     report: Report, window: Show,
 ) -> RunResult:  # fmt: skip
     """Carry a plan out; whatever ends that, events are kept up to then, and it is said."""
-    if kept is None:
-        return carry_out(document, found, options, asked=_lines(), report=report, show=window)
+    keep = unkept if kept is None else kept.keep
     try:
         return carry_out(
-            document, found, options, asked=_lines(), report=report, show=window, keep=kept.keep
+            document, found, options, asked=_lines(), report=report, show=window, keep=keep
         )
     except KeyboardInterrupt:
-        if kept.is_begun:
+        if kept is not None and kept.is_begun:
             report(Note(f"what happened until then is in {kept.path}"))
         raise
     finally:
-        kept.close()
+        if kept is not None:
+            kept.close()
 
 
 class _Watch:

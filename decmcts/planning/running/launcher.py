@@ -12,7 +12,7 @@ import queue
 import secrets
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -29,7 +29,7 @@ from decmcts.planning.problem.source import Source
 from decmcts.planning.running.asking import Asking
 from decmcts.planning.running.failing import Failing
 from decmcts.planning.running.options import RunOptions, Show, unseen
-from decmcts.planning.running.recorded import Carried
+from decmcts.planning.running.recorded import Carried, Keep, unkept
 from decmcts.planning.running.renewing import News, NotRenewed, Parking, Renewal, Renewed
 from decmcts.planning.running.standing import view_of
 from decmcts.planning.running.team import Team
@@ -55,7 +55,7 @@ class Launcher:
     report: Report = unheard
     show: Show = unseen
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None
-    keep: Callable[[Sequence[Carried]], None] = lambda _prints: None
+    keep: Keep = unkept
     received: queue.Queue[AgentLine | Recorded | News] = field(default_factory=queue.Queue)
     team: Team = field(init=False)
     renewal: Renewal = field(init=False)

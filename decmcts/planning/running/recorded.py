@@ -7,7 +7,7 @@ controller's own words are what happened.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -175,6 +175,18 @@ class Carried:
         return float(done / max(steps.sum(), LEAST_MM))
 
 
+Keep = Callable[[Sequence[Carried]], None]
+
+
+def unkept(prints: Sequence[Carried]) -> None:
+    """Keep nothing of what happens."""
+
+
+def prints_of(plans: Sequence[Carried]) -> list[Carried]:
+    """Return those that print and that heads began: the first, and each of the last one's rest."""
+    return [carried for carried in plans if carried.is_print and carried.begun]
+
+
 @dataclass(slots=True)
 class _HeadMoves:
     """The moves of one head, gathered."""
@@ -189,8 +201,14 @@ class _HeadMoves:
         self.points.append(points[1:])
         self.columns.append(columns)
 
-    def add_action(self, work: Work, begun: PrintEvent, last: PrintEvent | None = None) -> None:
-        """Add the moves of an action: to its end, to where its head failed, or as planned."""
+    def add_action(
+        self, work: Work, begun: PrintEvent, last: PrintEvent | None = None,
+        until_s: float = math.inf,
+    ) -> None:  # fmt: skip
+        """Add the moves of an action: to its end, to where its head failed, or as planned.
+
+        As planned it goes on no longer than `until_s`.
+        """
         ends, action, begin_s = work.ends(begun.action), begun.action, begun.time_s
         if not len(ends):
             return
@@ -201,6 +219,11 @@ class _HeadMoves:
         if last is not None:
             point = min(last.point, len(ends) - 1)
             points, columns = _broken(points, columns, point, last.at, last.time_s)
+        elif until_s < float(columns[1, -1]):
+            k = int(np.searchsorted(columns[1], until_s))
+            share = (until_s - columns[0, k]) / (columns[1, k] - columns[0, k])
+            x, y, z = (points[k] + max(share, 0.0) * (points[k + 1] - points[k])).tolist()
+            points, columns = _broken(points, columns, k, (x, y, z), until_s)
         self.add(points, columns)
 
     def jump(self, to: Floats, time_s: float) -> None:
@@ -248,9 +271,10 @@ def course_of(
     """Return where a head was over time.
 
     One that never stated how an action ended is taken to have ended it. `moved` has when people put
-    heads that failed elsewhere, and where.
+    heads that failed elsewhere, and where: they do nothing more from then on.
     """
     moves = _HeadMoves([np.array([park])])
+    until_s = moved[head][0] if head in moved else math.inf
     for carried in plans:
         begun: PrintEvent | None = None
         for event in carried.events_of(head):
@@ -260,7 +284,7 @@ def course_of(
                 moves.add_action(carried.work(event.head), begun, event)
                 begun = None
         if begun is not None:
-            moves.add_action(carried.work(begun.head), begun)
+            moves.add_action(carried.work(begun.head), begun, until_s=until_s)
     if head in moved:
         time_s, to = moved[head]
         moves.jump(np.array(to), time_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,15 @@ from decmcts.planning.problem.made_from import source_of
 from decmcts.planning.problem.source import Source
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RUN_OPTIONS, Failure, RunOptions, Show, unseen
-from decmcts.planning.running.recorded import Carried, RecordedWait, nearest, waits_of
+from decmcts.planning.running.recorded import (
+    Carried,
+    Keep,
+    RecordedWait,
+    nearest,
+    prints_of,
+    unkept,
+    waits_of,
+)
 from decmcts.print.brief import brief
 from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
@@ -79,8 +87,8 @@ class RunResult:
 
     @property
     def prints(self) -> list[Carried]:
-        """The plan, and those that print and that heads began, each of what the last one left."""
-        return [carried for carried in self.plans if carried.is_print and carried.begun]
+        """The plans that print and that heads began."""
+        return prints_of(self.plans)
 
     def logs(self) -> list[EventLog]:
         """Return the events of each of `prints`."""
@@ -97,7 +105,7 @@ def run(
     show: Show = unseen,
     on_start: Callable[[Mapping[str, tuple[int, int]]], None] = lambda _pids: None,
     on_launcher: Callable[[Launcher], None] = lambda _launcher: None,
-    keep: Callable[[Sequence[Carried]], None] = lambda _prints: None,
+    keep: Keep = unkept,
 ) -> RunResult:
     """Carry a plan out with simulated controllers, two processes a head.
 

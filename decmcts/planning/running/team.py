@@ -17,7 +17,7 @@ from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Note, Report
 from decmcts.planning.replanning.to_park import same_place
 from decmcts.planning.running.options import Failure
-from decmcts.planning.running.recorded import Carried
+from decmcts.planning.running.recorded import Carried, prints_of
 from decmcts.planning.running.standing import Standing
 from decmcts.print.figures import clock_time
 from decmcts.print.machine import Point
@@ -119,8 +119,8 @@ class Team:
         return [carried for carried in self.plans if carried.begun]
 
     def prints(self) -> list[Carried]:
-        """Return the plan, and those that print and that heads began, each of the last's rest."""
-        return [carried for carried in self.begun() if carried.is_print]
+        """Return the plans that print and that heads began."""
+        return prints_of(self.plans)
 
     def printing(self) -> Carried:
         """Return the last plan that prints and that heads began."""
