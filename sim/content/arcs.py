@@ -107,7 +107,7 @@ def arcs_of_parts(
     number = arc[begins]
     words = np.full((len(number), 3), np.nan)
     words[:, :2] = centre[number] - points[begins - 1, :2]
-    part = np.cumsum(np.isin(np.arange(len(arc)), begins)) - 1
+    part = np.searchsorted(begins, np.arange(len(arc)), side="right") - 1
     parts = Arcs(
         centre[number], table.clockwise[number], table.partible[number], words, table.decimals
     )

@@ -90,7 +90,7 @@ def _outside(motions: Motions, rows: Ints, low: float, high: float, what: str) -
     bad = (feed < low * (1.0 - FEED_SHARE)) | (feed > high * (1.0 + FEED_SHARE))
     lines = [
         f"line {motions.line[i]} {what} at {v:.3f} mm/s; {low:.3f} to {high:.3f} are due"
-        for i, v in zip(rows[bad][:LIMIT].tolist(), feed[bad].tolist(), strict=False)
+        for i, v in zip(rows[bad][:LIMIT].tolist(), feed[bad][:LIMIT].tolist(), strict=True)
     ]
     return listed(FaultKind.FEED, lines, total=int(bad.sum()))
 

@@ -49,9 +49,8 @@ def source_of(document: PlanDocument, named: Source) -> Source:
     InputError
         Where it is not the print of the plan.
     """
-    found = in_safe_order(document, named)
-    if is_made_from(document, found.job, found.document):
-        return found
+    if (made := _as_made(document, named)) is not None:
+        return made
     with suppress(InputError):
         found = towerless(named)
         if is_made_from(document, found.job, found.document):
@@ -65,14 +64,19 @@ def source_of(document: PlanDocument, named: Source) -> Source:
 
 def in_safe_order(document: PlanDocument, named: Source) -> Source:
     """Return a source layer by layer where a plan was made of that, else as it is."""
-    same = is_made_from(document, named.job, named.document)
-    if same or len(named.job.contours) != _count(document):
+    return _as_made(document, named) or named
+
+
+def _as_made(document: PlanDocument, named: Source) -> Source | None:
+    """Return a source as it is, or layer by layer: what a plan was made of; None: of neither."""
+    if is_made_from(document, named.job, named.document):
         return named
-    with suppress(InputError):
-        found = safe_problem(named, rules_of(document), unheard).source
-        if is_made_from(document, found.job, found.document):
-            return found
-    return named
+    if len(named.job.contours) == _count(document):
+        with suppress(InputError):
+            found = safe_problem(named, rules_of(document), unheard).source
+            if is_made_from(document, found.job, found.document):
+                return found
+    return None
 
 
 def _count(document: PlanDocument) -> int:

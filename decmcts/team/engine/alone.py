@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
+from decmcts.print.motion import path_time
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.space import Workspaces, build_space
 
@@ -113,9 +114,8 @@ def lone_machine(machine: Machine) -> Machine:
 
 
 def _slowness(machine: Machine, r: int) -> float:
-    """Return the seconds that a travel of `TRIAL_MM` takes a head."""
+    """Return the seconds that a travel of `TRIAL_MM` along X and then Y takes a head."""
     head = machine.heads[r]
     limits = machine.limits_of(head)
-    feed = min(limits.travel_feed, *limits.max_feed[:2])
-    acceleration = min(limits.travel_acceleration, *limits.max_acceleration[:2])
-    return head.pace * (TRIAL_MM / feed + feed / acceleration)
+    path = TRIAL_MM * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    return head.pace * path_time(path, limits.travel_feed, limits)

@@ -57,7 +57,7 @@ def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> J
 
 def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list[_NewAction]:
     ended = np.zeros(len(job.contours))
-    at_rest = _seconds_at_rest(job, machine, old)
+    at_rest: NDArray[np.float64] | None = None  # found where there is a wait
     rows: list[_NewAction] = []
     now = 0.0
     travels: list[_NewAction] = []  # to the next contour, not yet begun
@@ -73,6 +73,7 @@ def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list
         cool = (ended[lags.below[below]] + lags.seconds[below]).max(initial=0.0)
         begin = now + sum(t.seconds for t in travels)
         if cool > begin + LEAST_WAIT_S:
+            at_rest = _seconds_at_rest(job, machine, old) if at_rest is None else at_rest
             _stop(row, at_rest)
             if rows:  # the bead before the wait ends later, so what is due may as well
                 now += _stop(rows[-1], at_rest)

@@ -25,6 +25,7 @@ from decmcts.print.walls_kernels import Walls
 
 NEAR_MM = 1e-3  # two positions this near are one
 ROUNDING_MM = 1e-3  # of filament; less is not worth a line
+LEFT_MM = 5e-5  # of filament; less may never be given, where nothing is retracted that takes it
 APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
 BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
 
@@ -209,7 +210,7 @@ class Emitter:
         change = self.owed - owed
         settings = self.settings
         moves_retract = settings.retract_mm > 0.0 and not settings.firmware_retraction
-        waits = ROUNDING_MM if moves_retract else ROUNDING_MM / 20.0
+        waits = ROUNDING_MM if moves_retract else LEFT_MM
         if abs(change) > (1e-6 if self._pulled or exact else waits):
             feed = settings.unretract_feed if change > 0 else settings.retract_feed
             self.push(change, feed)

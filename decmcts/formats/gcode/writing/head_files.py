@@ -261,9 +261,7 @@ class _HeadFileWriter:
         self.waits.wait_for_all(len(self.kinds))
         self._cross(2**31)
         if not self.filament.is_other(end.tool):
-            emitter.owe(
-                end.owed, firmware=end.firmware_retracted, exact=True
-            )  # nothing comes later
+            emitter.owe(end.owed, firmware=end.firmware_retracted, exact=True)
         emitter.set_state(end.state)
         emitter.set_e(end.e)
         heat_taken: HeatTaken = "all" if self.heat_taken == "all" else "off"
