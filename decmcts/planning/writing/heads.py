@@ -26,14 +26,9 @@ from sim.content.pieces import parted_source
 from sim.content.same_print import is_other_print
 from sim.faults import Verdict
 from sim.heads.file import read_head_file
+from sim.heads.one_file import Walked, walk_file
 from sim.heads.plan import plan_of_files
-from sim.heads.together import (
-    Walked,
-    judge_together,
-    unreadable,
-    verify_heads_on,
-    walk_file,
-)
+from sim.heads.together import judge_together, unreadable, verify_heads_on
 
 
 def stem_of(output: Path) -> Path:
