@@ -149,9 +149,9 @@ class Runner:
             self.reported_at, self.last = now, state
             self.transport.send(KIND, carrier.report().pack(), reliable=False)
         if now - self.stood_at >= ALIVE_S:
-            self._tell_launcher(now)
+            self._report_stand(now)
 
-    def _tell_launcher(self, now: float) -> None:
+    def _report_stand(self, now: float) -> None:
         carrier = self.carrier
         plan = carrier.plans.get(carrier.number)
         peers = [head for head in (() if plan is None else plan.heads) if head != carrier.head]

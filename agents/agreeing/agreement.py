@@ -283,10 +283,10 @@ class HeadAgreement:
     def _state(self, stage: Stage, key: PlanKey) -> Commit:
         self._ballot.ours = key
         self._own = Commit(*key, stage, self._term, self._ballot.heard(key))
-        self._say_own()
+        self._send_own()
         return self._own
 
-    def _say_own(self) -> None:
+    def _send_own(self) -> None:
         if self._own is not None and self._known:
             # What we heard may have changed since we last said it.
             self._own = replace(self._own, heard=self._ballot.heard(key_of(self._own)))
@@ -344,7 +344,7 @@ class HeadAgreement:
             self._may_ask = True
             self._answered.clear()
         if self.phase is Phase.RELEASED and not self.settled:
-            self._say_own()
+            self._send_own()
         if self.phase is not Phase.AGREEING:
             return
         self._agreeing_ticks += 1
@@ -365,7 +365,7 @@ class HeadAgreement:
         own, mine = self._own, self._ballot.proposal(self.head)
         if mine is not None and plans_too and self._known and self._lowest() < Stage.COMMITTED:
             self._send(mine)
-        self._say_own()
+        self._send_own()
         for head in self._known:
             theirs = self._ballot.commits.get(head)
             if theirs is None or theirs.live != self.live or self._ballot.find(key_of(theirs)):

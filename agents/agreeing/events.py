@@ -96,7 +96,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Take:
-    """Give what a peer told to the planner, which may keep a joint plan."""
+    """Give what a peer sent to the planner, which may keep a joint plan."""
 
     head: int
     message: Distribution | Joint

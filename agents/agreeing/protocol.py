@@ -137,7 +137,7 @@ class Protocol:
             case Envelope(stamp, message):
                 self._receive(stamp.head, stamp.order, message)
             case Distribution() | Joint():
-                self._tell(event)
+                self._send_planning(event)
             case PlanningEnded():
                 agreement.begin()
             case Proposal():
@@ -204,7 +204,7 @@ class Protocol:
 
     # Time, leaving, output ------------------------------------------------------
 
-    def _tell(self, message: Distribution | Joint) -> None:
+    def _send_planning(self, message: Distribution | Joint) -> None:
         if self.phase is Phase.PLANNING and len(self.live) > 1 and self._is_of_now(message):
             self._send(message)
 

@@ -61,7 +61,7 @@ class Crew:
         begun, self._begun = self._begun, False
         for agent in agents:
             if begun:
-                agent.tell({"command": "exit"})
+                agent.send({"command": "exit"})
             else:
                 agent.kill()
         for agent in agents:

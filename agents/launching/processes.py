@@ -82,7 +82,7 @@ class AgentProcess:
         """Whether it has not ended yet."""
         return self._process.poll() is None
 
-    def tell(self, command: dict[str, Any]) -> None:
+    def send(self, command: dict[str, Any]) -> None:
         """Write one command line; a dead agent hears nothing."""
         pipe = self._process.stdin
         if pipe is None or pipe.closed:
@@ -94,7 +94,7 @@ class AgentProcess:
     def begin(self, arguments: Sequence[str], meeting: Meeting | None = None) -> None:
         """Hand its arguments to an agent that was started with `PIPED` alone."""
         met = {} if meeting is None else {"meeting": meeting.to_dict()}
-        self.tell({"command": "begin", "arguments": list(arguments), **met})
+        self.send({"command": "begin", "arguments": list(arguments), **met})
 
     def kill(self) -> None:
         """End it for sure and wait for it: after this the head is fenced."""

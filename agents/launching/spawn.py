@@ -83,7 +83,7 @@ def run_agents(
             meeting = Meeting(places.fresh(), secrets.token_bytes(SECRET_BYTES))
         team.begin([*arguments, *_planning_arguments(stopping.seconds, seed, epoch)], meeting)
 
-        def tell_start() -> None:
+        def report_start() -> None:
             if on_start is not None:
                 on_start({head: agent.pid for head, agent in team.agents.items()})
 
@@ -93,9 +93,9 @@ def run_agents(
                 where = replace(meeting, places=tuple(places))
             planning = _planning_arguments(left_s, seed, epoch)
             team.start_again(head, [*arguments, *planning], where)
-            tell_start()
+            report_start()
 
-        tell_start()
+        report_start()
         supervisor = Supervisor(
             team.agents,
             tuple(names),

@@ -48,7 +48,7 @@ OnProgress = Callable[[tuple[AgentStatus, ...]], None]
 class Child(Protocol):
     """What is done to an agent's process here."""
 
-    def tell(self, command: dict[str, Any]) -> None:
+    def send(self, command: dict[str, Any]) -> None:
         """Send it a command."""
 
     def kill(self) -> None:

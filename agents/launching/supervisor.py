@@ -114,7 +114,7 @@ class Supervisor:
             self._over_at = self._over_at or self._clock()
             if not self._have_met():
                 raise LaunchError("stopped before the agents had found one another")
-            self._tell_all({"command": "stop"})
+            self._send_to_all({"command": "stop"})
 
     def _have_met(self) -> bool:
         """Tell whether every agent planned, or knows all it will plan with."""
@@ -123,9 +123,9 @@ class Supervisor:
             self.status[h].rounds > 0 or set(heads) <= set(self.status[h].live) for h in heads
         )
 
-    def _tell_all(self, command: dict[str, Any]) -> None:
+    def _send_to_all(self, command: dict[str, Any]) -> None:
         for head in self._unfenced():
-            self._agents[head].tell(command)
+            self._agents[head].send(command)
 
     def _unfenced(self) -> list[int]:
         return [head for head in self._agents if head not in self.fenced]
@@ -218,7 +218,7 @@ class Supervisor:
         self._fenced_at = self._clock()
         self._released.pop(head, None)
         self._update(head, phase="lost", note=ending or why)
-        self._tell_all(self._fence_command(head))
+        self._send_to_all(self._fence_command(head))
 
     def _fence_command(self, head: int) -> dict[str, Any]:
         return {"command": "fence", "head": head, "epoch": self._epochs[head]}
@@ -243,7 +243,7 @@ class Supervisor:
         left_s = self._limit_s - (now - self._met_at if self._met_at is not None else 0.0)
         self._start_again(head, self._epochs[head], max(left_s, 0.0), self._places)
         for other in self.fenced:
-            self._agents[head].tell(self._fence_command(other))
+            self._agents[head].send(self._fence_command(other))
 
     # Who misses whom ----------------------------------------------------------
 
@@ -251,7 +251,7 @@ class Supervisor:
         """Note that an agent misses heads; tell it again of those that are fenced already."""
         self._update(head, live=tuple(sorted(set(self._unfenced()) - set(missing))))
         for other in self.fenced.intersection(missing):
-            self._agents[head].tell(self._fence_command(other))
+            self._agents[head].send(self._fence_command(other))
 
     def _settle_misses(self, now: float) -> None:
         """Have agents meet elsewhere that miss each other; if that is no help, fence one side."""
@@ -290,7 +290,7 @@ class Supervisor:
         self._moves += 1
         self._moved_at = self._clock()
         self._places = tuple(self._elsewhere())
-        self._tell_all({"command": "meet", "places": list(self._places)})
+        self._send_to_all({"command": "meet", "places": list(self._places)})
         return True
 
     def _group(self, head: int) -> set[int]:

@@ -75,7 +75,7 @@ class AgentProgress:
     elapsed_s: float
     agreeing_s: float | None  # since planning ended
     stuck: bool  # the live heads cannot print everything
-    entropy: float  # of what it last told: 0 decided, 1 all its plans alike
+    entropy: float  # of what it last sent: 0 decided, 1 all its plans alike
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ class FrontEnd(Interface):
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Show where the agent stands."""
 
-    def tell(self, effect: Notice) -> None:
+    def notify(self, effect: Notice) -> None:
         """Show one event worth a line."""
 
 
@@ -202,7 +202,7 @@ class Agent:
         return min(1.0, (now - self._start) / self._limit_s) if self._limit_s > 0.0 else 1.0
 
     def _judge_offer(self, now: float) -> None:
-        """Let the planner judge what a peer told, if it claims to be better than ours."""
+        """Let the planner judge what a peer sent, if it claims to be better than ours."""
         if len(self._live) == 1:
             return
         best_s = self._planner.best_joint(self._live).makespan_s
@@ -229,7 +229,7 @@ class Agent:
         # The live heads cannot print everything. Nothing to do but wait for the
         # others to come back, or for the launcher to give up.
         self._stuck = True
-        self._front.tell(LogNote(str(error)))
+        self._front.notify(LogNote(str(error)))
 
     def _keep_time(self) -> None:
         now = self._clock()
@@ -293,7 +293,7 @@ class Agent:
         """Count a message that is dropped; log the first of each reason."""
         self.traffic.dropped[reason] += 1
         if self.traffic.dropped[reason] == 1:
-            self._front.tell(LogNote(f"dropped: {reason} {detail}".rstrip()))
+            self._front.notify(LogNote(f"dropped: {reason} {detail}".rstrip()))
 
     def _feed(self, event: ProtocolEvent) -> None:
         self._perform(self.protocol.handle(event))
@@ -325,9 +325,9 @@ class Agent:
             case PlanReleased():
                 self.released = effect
                 self.show()
-                self._front.tell(effect)
+                self._front.notify(effect)
             case _:
-                self._front.tell(effect)
+                self._front.notify(effect)
         return None
 
     def _propose(self, live: tuple[int, ...], *, serial: bool) -> ProtocolEvent | None:

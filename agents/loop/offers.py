@@ -1,6 +1,6 @@
-"""Joint plans told while planning: which of them are worth judging, and when.
+"""Joint plans sent while planning: which of them are worth judging, and when.
 
-A told plan binds nobody and may be a lie, and judging one costs as much as a step
+A plan that was sent binds nobody and may be a lie, and judging one costs as much as a step
 of planning. So each peer's latest is kept, the one with the smallest claim is
 judged once, and only every so often. No messages, no planner, no clock here.
 """
@@ -10,13 +10,13 @@ from __future__ import annotations
 from agents.messages.kinds import Joint
 
 JUDGE_S = 0.5
-"""At most so often a told plan is judged: twice a second."""
+"""At most so often such a plan is judged: twice a second."""
 
 JUDGING = 0.2
 """At most this share of the time goes into judging: of a large print a plan takes a second."""
 
-TELL_S = 1.0
-"""At most so often our own best is told."""
+SEND_S = 1.0
+"""At most so often our own best is sent."""
 
 REPEAT_S = 5.0
 """So often it is sent again though it is no better: messages may be lost."""
@@ -55,7 +55,7 @@ class Offers:
     def is_worth_sending(self, joint: Joint, now_s: float) -> bool:
         """Whether to send this plan now; if so it counts as sent."""
         known = self._sent.live == joint.live and self._sent.makespan_s <= joint.makespan_s
-        if now_s - self._sent_s < (REPEAT_S if known else TELL_S):
+        if now_s - self._sent_s < (REPEAT_S if known else SEND_S):
             return False
         self._sent, self._sent_s = joint, now_s
         return True

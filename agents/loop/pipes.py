@@ -159,7 +159,7 @@ class PipeFront:
         """Say where the agent stands."""
         self.write({"event": "progress", **asdict(progress), "traffic": traffic.counts()})
 
-    def tell(self, effect: Notice) -> None:
+    def notify(self, effect: Notice) -> None:
         """Say one event."""
         self.write(line_of(effect))
 
@@ -197,7 +197,7 @@ class TerminalFront:
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Say nothing: the notes and the result are enough for a log."""
 
-    def tell(self, effect: Notice) -> None:
+    def notify(self, effect: Notice) -> None:
         """Print one line."""
         match effect:
             case LogNote(text):

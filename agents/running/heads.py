@@ -51,15 +51,15 @@ class HeadProcesses:
     ) -> None:
         self.head = head
         asks, to = os.pipe()
-        of, says = os.pipe()
+        of, answers = os.pipe()
         record, keeps = os.pipe()
         self._controller = subprocess.Popen(
-            [*controller, "--record", str(keeps)], stdin=asks, stdout=says, pass_fds=[keeps],
+            [*controller, "--record", str(keeps)], stdin=asks, stdout=answers, pass_fds=[keeps],
             start_new_session=True,
         )  # fmt: skip
         self._ends, self._receive = (to, of), receive
         self._start_agent()
-        for descriptor in (asks, says, keeps):
+        for descriptor in (asks, answers, keeps):
             os.close(descriptor)
         self._reader = threading.Thread(target=self._read, args=(record,), daemon=True)
         self._reader.start()
@@ -75,7 +75,7 @@ class HeadProcesses:
         self._start_agent()
         self.agent.begin(*self._begun)
 
-    def tell_controller(self, command: Finish | Abort) -> None:
+    def send_to_controller(self, command: Finish | Abort) -> None:
         """Have the controller be off, whatever becomes of its agent."""
         write_all(self._ends[0], pack(command))
 
@@ -99,7 +99,7 @@ class HeadProcesses:
 
     def end(self) -> None:
         """End both in order, the controller when its agent is gone."""
-        self.agent.tell({"command": "exit"})
+        self.agent.send({"command": "exit"})
         self.agent.reap()
         for descriptor in self._ends:
             os.close(descriptor)

@@ -62,7 +62,7 @@ class _Display:
         self._shown, self._limit_s, self._unit, self._table = shown, time_limit_s, unit, table
         self._live = err.is_terminal and not err.is_dumb_terminal
         self._logs = logged and not self._live
-        self._said_at_s = 0.0
+        self._logged_at_s = 0.0
         self._begin_line()
 
     def report(self, event: Event) -> None:
@@ -106,13 +106,13 @@ class _Display:
             self._heads = self._shown.enter_context(Live(console=err, transient=True))
         self._heads.update(table)
         at_s = max((agent.elapsed_s for agent in heads.agents), default=0.0)
-        if self._logs and at_s >= self._said_at_s + LINE_EVERY_S:
-            self._said_at_s = at_s
+        if self._logs and at_s >= self._logged_at_s + LINE_EVERY_S:
+            self._logged_at_s = at_s
             err.show(heads_line(heads, at_s, self._limit_s))
 
     def _searched(self, state: Searched) -> None:
         # another search began where seconds fall
-        self._said_at_s = self._said_at_s if state.seconds >= self._said_at_s else 0.0
+        self._logged_at_s = self._logged_at_s if state.seconds >= self._logged_at_s else 0.0
         found = f"{amount(state.cost, self._unit)}{above(state)}"
         self._line.update(
             self._task,
@@ -120,8 +120,8 @@ class _Display:
             completed=min(state.seconds, self._limit_s),
             description=f"searching: {found}",
         )
-        if self._logs and state.seconds >= self._said_at_s + LINE_EVERY_S:
-            self._said_at_s = state.seconds
+        if self._logs and state.seconds >= self._logged_at_s + LINE_EVERY_S:
+            self._logged_at_s = state.seconds
             of = f" of {self._limit_s:g}" if state.seconds <= self._limit_s else ""
             err.show(f"{state.seconds:.0f}{of} s: {found}")
 

@@ -32,8 +32,8 @@ def bound_line(
     if found.bound is None:
         return f"no bound on the {what}: {found.skipped}"
     if found.gap_percent is None or found.gap_percent > INFORMS_PERCENT:
-        said = f"{what} {travel:,.1f} {unit}; no useful bound was proven in the time it is given"
-        return said if verbose else None
+        text = f"{what} {travel:,.1f} {unit}; no useful bound was proven in the time it is given"
+        return text if verbose else None
     above = f"at most {found.gap_percent:.1f} % more {what} than the best order there can be"
     above += " with these changes of tools" * fewer_changes
     if found.gap_percent <= 100.0 * ROUNDING:

@@ -56,8 +56,8 @@ def run(arguments: list[str], *, program: Callable[..., object] = app) -> int:
 def _thread_failed(failed: threading.ExceptHookArgs) -> None:
     """Show what ended a thread, on the console as all else."""
     if failed.exc_value is not None:
-        said = "".join(traceback.format_exception(failed.exc_value))
-        err.show(f"decmcts: a thread failed\n{said}")
+        text = "".join(traceback.format_exception(failed.exc_value))
+        err.show(f"decmcts: a thread failed\n{text}")
 
 
 def _stopped() -> int:
@@ -78,8 +78,8 @@ def _usage(error: TyperException) -> str:
         return ""  # help was shown
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "decmcts"
-    said = error.format_message().rstrip(".").replace("Value error, ", "")
-    return f"{said}; `{command} --help` lists what there is"
+    text = error.format_message().rstrip(".").replace("Value error, ", "")
+    return f"{text}; `{command} --help` lists what there is"
 
 
 def _failed(error: Exception | str, code: int) -> int:

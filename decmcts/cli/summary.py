@@ -66,12 +66,12 @@ def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[F
     """
     figures = compared(before, after)
     whole = "file_time_s" in figures
-    told = {"file_time_s" if whole else "print_time_s": "print time", **MAKERS}
+    labels = {"file_time_s" if whole else "print_time_s": "print time", **MAKERS}
     if verbose:
-        told |= PAPERS
+        labels |= PAPERS
         if whole:
-            told["print_time_s"] = "print time, first to last bead"
-    return [_row(label, key, *figures[key]) for key, label in told.items() if key in figures]
+            labels["print_time_s"] = "print time, first to last bead"
+    return [_row(label, key, *figures[key]) for key, label in labels.items() if key in figures]
 
 
 def _row(label: str, key: str, was: float, now: float) -> FigureRow:

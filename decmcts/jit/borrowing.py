@@ -45,12 +45,12 @@ def borrows(function: Callable[..., Any], *, compiled: type) -> bool:
 
 def _returns_numbers(function: Callable[..., Any]) -> bool:
     """Tell whether a function says that it returns numbers, or named tuples of them."""
-    said = function.__annotations__.get("return")
-    if not isinstance(said, str) or re.search(r"\btuple\b(?!\[)", said):  # a tuple of anything
+    stated = function.__annotations__.get("return")
+    if not isinstance(stated, str) or re.search(r"\btuple\b(?!\[)", stated):  # a tuple of anything
         return False
     return all(
         word in _NUMBERS or _has_numbers(function.__globals__.get(word))
-        for word in re.findall(r"\w+", said)
+        for word in re.findall(r"\w+", stated)
     )
 
 
@@ -62,8 +62,8 @@ def _has_numbers(known: Any) -> bool:
         and issubclass(known, tuple)
         and bool(fields)
         and all(
-            getattr(said, "__forward_arg__", None) in _NUMBERS - {"tuple"}
-            for said in fields.values()
+            getattr(stated, "__forward_arg__", None) in _NUMBERS - {"tuple"}
+            for stated in fields.values()
         )
     )
 

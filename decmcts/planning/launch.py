@@ -9,7 +9,7 @@ from functools import partial
 from agents.launch import launch as launch_agents
 from agents.launching.crew import Crew
 from decmcts.arguments import checked
-from decmcts.planning.compiling.child import compilation_told, compiling_beside
+from decmcts.planning.compiling.child import compilation_reported, compiling_beside
 from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
@@ -79,7 +79,7 @@ def launch(
     own = search.planner is not None
     waiting = nullcontext(crew) if own or crew else crew_started(len(source.machine.heads))
     with (
-        compilation_told(report) as reporting, compiling_beside([TEAM], reporting),
+        compilation_reported(report) as reporting, compiling_beside([TEAM], reporting),
         waiting as ready,
     ):  # fmt: skip
         problem = team_problem(source, rules, reporting)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from decmcts.arguments import checked
 from decmcts.errors import InputError
-from decmcts.planning.compiling.child import compilation_told, compiling_beside
+from decmcts.planning.compiling.child import compilation_reported, compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_one_head
@@ -80,7 +80,7 @@ def plan(
     walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls
     walls |= rules.avoid_walls == AvoidWalls.ALWAYS
     parts = parts_for(search, rules.freedom, walls=walls)
-    with compilation_told(report) as reporting, compiling_beside(parts, reporting):
+    with compilation_reported(report) as reporting, compiling_beside(parts, reporting):
         one = with_fewer_changes(one, rules, reporting)
         problem = safe_problem(one, rules, reporting, make_safe=make_safe)
         planned = plan_one_head(problem, search, writes=writes, report=reporting, stop=stop)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from decmcts.arguments import checked
 from decmcts.formats.mesh import SliceOptions
-from decmcts.planning.compiling.child import compilation_told
+from decmcts.planning.compiling.child import compilation_reported
 from decmcts.planning.events import Report, unheard
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.slicing import Slicing, choose_slicer
@@ -62,7 +62,7 @@ def read(
     ('mk4s', 964)
     """
     how = Slicing(choose_slicer()) if mesh is None else mesh
-    with compilation_told(report) as reporting:
+    with compilation_reported(report) as reporting:
         return read_source(
             Path(path), machine, limits=limits, mesh=how, report=reporting, plate=plate
         )

@@ -114,14 +114,14 @@ def simulate(
     compiled = Path(cache_folder(Path(sim.controllers.__file__).parent)).exists()
     report(Step("running" if compiled else "running, which the first time compiles for a minute"))
 
-    def told(trials: Sequence[Trial], of: int) -> None:
+    def on_trial(trials: Sequence[Trial], of: int) -> None:
         report(Step(f"running with errors of time{so_far(trials)}", len(trials), of))
 
     judged = plan if plan is not None and not files and plan.min_layer_time_s > 0.0 else None
     material = _material(plan, files, programs, chosen)
     found = run(
         programs, chosen, timing=timing, size=size, trials=trials, seed=seed, queue=queue,
-        told=told, too_soon=lambda one: too_soon(judged, programs, one) if judged else (),
+        on_trial=on_trial, too_soon=lambda one: too_soon(judged, programs, one) if judged else (),
         material=material,
     )  # fmt: skip
     return Simulated(found, chosen, plan, judged is not None, material is not None)

@@ -67,7 +67,7 @@ def idle_line(metrics: Metrics) -> str:
     idle: object = metrics.get("idle")  # of a plan that was read it may be anything
     if not isinstance(idle, Mapping) or not _count(idle, "waits"):
         return ""
-    told = [
+    done = [
         f"{words} {_times(count, 'time')}"
         for key, words in _IDLE.items()
         if (count := _count(idle, key))
@@ -75,7 +75,7 @@ def idle_line(metrics: Metrics) -> str:
     stood = clock_time(_count(idle, "waits_s"))
     waits = f"{_times(_count(idle, 'waits'), 'long wait')}, {stood} in all"
     nothing = "heads stay hot, with no more pulled back than for their travels"
-    return f"{waits}: {', '.join(told) or nothing}"
+    return f"{waits}: {', '.join(done) or nothing}"
 
 
 def _count(figures: Mapping[Any, Any], key: str) -> int:

@@ -103,19 +103,19 @@ def signals_of(plan: JointPlan, job: PrintJob, interval_s: float) -> Signals:
     found: dict[Place, Place] = {}
     apart: set[Action] = set()
     for h, head in enumerate(plan.heads):
-        clock, stood, told = _clock(job, head), 0.0, 0.0  # told: when the last signal was given
+        clock, stood, given_s = _clock(job, head), 0.0, 0.0  # when the last signal was given
         for k in sorted(action for g, action in points if g == h):
             first, end = int(head.path_offsets[k]), int(head.path_offsets[k + 1])
             passed = clock[first:end] + stood
-            kept, target = _spread(points[h, k], passed, told, due_s)
+            kept, target = _spread(points[h, k], passed, given_s, due_s)
             found.update({(h, k, p): (h, k, to) for p, to in target.items()})
-            if kept == [ACTION_END] and passed[-1] - told < due_s:
+            if kept == [ACTION_END] and passed[-1] - given_s < due_s:
                 apart.add((h, k))
                 stood += due_s
-                told = float(passed[-1]) + due_s
+                given_s = float(passed[-1]) + due_s
             else:
-                told = float(passed[-1] if kept[-1] == ACTION_END else passed[kept[-1]])
-        if (float(clock[-1]) if len(clock) else 0.0) + stood - told < due_s:
+                given_s = float(passed[-1] if kept[-1] == ACTION_END else passed[kept[-1]])
+        if (float(clock[-1]) if len(clock) else 0.0) + stood - given_s < due_s:
             apart.add((h, len(head)))
     return Signals(found, frozenset(apart))
 
@@ -138,12 +138,12 @@ def _clock(job: PrintJob, head: HeadActions) -> NDArray[np.float64]:
 
 
 def _spread(
-    points: list[int], clock: NDArray[np.float64], told: float, interval_s: float
+    points: list[int], clock: NDArray[np.float64], given_s: float, interval_s: float
 ) -> tuple[list[int], dict[int, int]]:
     """Return the points of an action that are signalled, and for each point that which is its.
 
     Points are in their order, `ACTION_END` last. Each is at least `interval_s` after the one
-    before and after `told`, but an end, at which the head can stand.
+    before and after `given_s`, but an end, at which the head can stand.
     """
     due = sorted(points, key=lambda p: len(clock) if p == ACTION_END else p)
     kept: list[int] = []
@@ -151,7 +151,7 @@ def _spread(
         if not kept or clock[kept[-1]] - clock[point] >= interval_s:  # the end is clock[-1]
             kept.append(point)
     kept.reverse()
-    while kept and kept[0] != ACTION_END and clock[kept[0]] - told < interval_s:
+    while kept and kept[0] != ACTION_END and clock[kept[0]] - given_s < interval_s:
         kept = kept[1:] or [ACTION_END]
     rank = {p: len(clock) if p == ACTION_END else p for p in (*due, *kept)}
     return kept, {p: next(to for to in kept if rank[to] >= rank[p]) for p in due}

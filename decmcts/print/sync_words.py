@@ -63,6 +63,6 @@ def pattern_of(line: str) -> str:
     return "".join(re.escape(text) + (r"\d+" if name else "") for text, name, _, _ in parts)
 
 
-def said(line: str, number: int, head: int, count: int) -> str:
+def with_number(line: str, number: int, head: int, count: int) -> str:
     """Return a line of a file: sync point `number`, the `count`-th signal of file `head`."""
     return line.format(number=number, head=head, count=count, level=count % 2)

@@ -17,7 +17,7 @@ from sim.controllers.compiled import compiled
 from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error
 
-_DWELL, _WAIT, _SIGNAL, _PASS, _REST, _TELL, _HEAT = map(int, StopKind)
+_DWELL, _WAIT, _SIGNAL, _PASS, _REST, _TARGET, _HEAT = map(int, StopKind)
 NEVER = np.inf
 
 
@@ -125,7 +125,7 @@ def _run(
                     stopped[h] = True
                 elif kind[j] == _DWELL:
                     now += value[j]
-                elif kind[j] == _TELL or kind[j] == _HEAT:
+                elif kind[j] == _TARGET or kind[j] == _HEAT:
                     gap, passed = due[h] - warm[h], now - since[h]
                     if gap > 0.0:
                         warm[h] += min(gap, passed * hot_ends[h, 1])

@@ -66,9 +66,9 @@ def _together(files: Sequence[HeadFile]) -> list[HeadFile]:
     found = sorted(files, key=lambda file: file.place)
     due = [(k + 1, len(files)) for k in range(len(files))]
     if [file.place for file in found] != due:
-        says = ", ".join(f"{file.name} {file.place[0]} of {file.place[1]}" for file in found)
+        places = ", ".join(f"{file.name} {file.place[0]} of {file.place[1]}" for file in found)
         raise InputError(
-            f"these are files {says}", path=found[0].path, advice="name all files of one `launch`"
+            f"these are files {places}", path=found[0].path, advice="name all files of one `launch`"
         )
     return found
 
@@ -134,7 +134,7 @@ def _stops(
             and (heat := heat_of(code)) is not None
             and (degrees := degrees_of(code)) is not None
         ):
-            found.append((row, StopKind.HEAT if heat.waits else StopKind.TELL, -1, degrees))
+            found.append((row, StopKind.HEAT if heat.waits else StopKind.TARGET, -1, degrees))
         elif (seconds := heaters.take(code)) > 0.0:
             found.append((row, StopKind.DWELL, -1, seconds))
         elif _RESTS.match(code):

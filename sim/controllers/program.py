@@ -28,7 +28,7 @@ class StopKind(IntEnum):
     SIGNAL = 2  # gives `number`, at rest
     PASS = 3  # gives `number`, in motion
     REST = 4  # lets its queue run empty
-    TELL = 5  # tells the hot end to be at `value` °C, and goes on
+    TARGET = 5  # sets the hot end to `value` °C, and goes on
     HEAT = 6  # the same, and goes on when it is as hot
 
 
@@ -47,7 +47,7 @@ class Stops:
     @property
     def rests(self) -> Flags:
         """Whether the head is at rest there, (j,)."""
-        return np.asarray((self.kind != StopKind.PASS) & (self.kind != StopKind.TELL))
+        return np.asarray((self.kind != StopKind.PASS) & (self.kind != StopKind.TARGET))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class HeadProgram:
     begins: int = 0  # stops above which the print has not begun: start code
     ends: int | None = None  # stops above which it has: below is end code; None: there is none
     first_layer: int = 0  # line of the file that names the first layer; 0: none does
-    hot_end: HotEnd = USUAL_HOT_END  # which TELL and HEAT are for
+    hot_end: HotEnd = USUAL_HOT_END  # which TARGET and HEAT are for
 
     __repr__ = brief("name", "points", "stops.kind")
 

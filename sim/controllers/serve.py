@@ -72,16 +72,16 @@ class Controller:
                 continue
             if self.clogs and not feeding.off:
                 self.clogs = False
-                self._say(b"".join(map(pack_event, feeding.step(now_s))))
-                self._say(pack_event(feeding.fail("clogged", now_s)))
+                self._report(b"".join(map(pack_event, feeding.step(now_s))))
+                self._report(pack_event(feeding.fail("clogged", now_s)))
             if not self.agent.open or time.monotonic() - self.heard_at > SILENT_S:
                 feeding.end("its agent is gone" if not self.agent.open else SILENT)
-            self._say(b"".join(map(pack_event, feeding.step(now_s))))
+            self._report(b"".join(map(pack_event, feeding.step(now_s))))
             if feeding.off and not self.agent.open:
                 return
             if time.monotonic() - self.alive_at > ALIVE_S:
                 self.alive_at = time.monotonic()
-                self._say(pack(Alive(now_s, feeding.at(now_s))))
+                self._report(pack(Alive(now_s, feeding.at(now_s))))
 
     def _hear(self) -> None:
         """Take what the agent asks; wait for it until something happens."""
@@ -101,7 +101,7 @@ class Controller:
             case Start(number, path, digest) if not self.aborted:
                 self._start(number, Path(path))
                 self.heard_at = time.monotonic()  # that took a while
-                self._say(pack(Ready(number, digest)))
+                self._report(pack(Ready(number, digest)))
             case ReleaseActions(number, until) if feeding is not None and number == self.number:
                 feeding.release(until, now_s)
             case Pause():
@@ -115,10 +115,10 @@ class Controller:
             case Finish(why) if feeding is not None:
                 feeding.end(why)
             case Abort(why) if feeding is not None and not self.aborted:
-                self._say(b"".join(map(pack_event, feeding.step(now_s))))
+                self._report(b"".join(map(pack_event, feeding.step(now_s))))
                 self.aborted = why == ABORTED
                 if self.aborted or not feeding.off:
-                    self._say(pack_event(feeding.fail(why, now_s)))
+                    self._report(pack_event(feeding.fail(why, now_s)))
 
     def _start(self, number: int, path: Path) -> None:
         """Take a plan in the place of the one before."""
@@ -133,7 +133,7 @@ class Controller:
         self.feeding, self.number = Feeding(given.head, work, self.clock.now()), number
         self.feeding.paused = self.paused
 
-    def _say(self, content: bytes) -> None:
+    def _report(self, content: bytes) -> None:
         """Tell launcher and agent; who is gone hears nothing.
 
         The record comes first: what other heads act upon is on it, whenever this process is killed.

@@ -116,7 +116,7 @@ class Simulation:
 def simulate(
     programs: Sequence[HeadProgram], machine: Machine, *, timing: Timing = Timing.NONE,
     size: float = 0.2, trials: int = 1, seed: int = 0, queue: int = QUEUE,
-    told: Callable[[Sequence[Trial], int], None] = lambda _trials, _of: None,
+    on_trial: Callable[[Sequence[Trial], int], None] = lambda _trials, _of: None,
     too_soon: Callable[[Run], tuple[TooSoon, ...]] = lambda _run: (),
     material: Material | None = None,
 ) -> Simulation:  # fmt: skip
@@ -130,7 +130,7 @@ def simulate(
         `trials` says.
     queue : int
         Moves that a controller plans ahead.
-    told : Callable
+    on_trial : Callable
         Called before each trial with errors of time: with the trials that were run, and of how
         many with errors it is one; 0: not known.
     too_soon : callable
@@ -157,7 +157,7 @@ def simulate(
     drawn = _errors(programs, nominal, machine, heads, timing, size, trials, seed)
     expected = trials if timing not in (Timing.NONE, Timing.ADVERSARIAL) else 0
     for name, errors in drawn:
-        told(found, expected)
+        on_trial(found, expected)
         found.append(judged(name, errors, carry_out(programs, seconds, errors, rest_s), again))
     begin, end = _begin(programs, nominal), _end(programs, nominal)
     waits = _waits(programs, nominal)

@@ -24,7 +24,7 @@ class Recorder:
 
     def __init__(self) -> None:
         self.asked: list[ProtocolEvent | Meet] = []
-        self.told: list[Notice] = []
+        self.notices: list[Notice] = []
 
     def commands(self) -> list[ProtocolEvent | Meet]:
         """Return what is asked, once."""
@@ -35,13 +35,13 @@ class Recorder:
         """Keep the last progress."""
         self.last = progress
 
-    def tell(self, effect: Notice) -> None:
+    def notify(self, effect: Notice) -> None:
         """Keep what is told."""
-        self.told.append(effect)
+        self.notices.append(effect)
 
     def of(self, kind: type) -> list[Any]:
         """Return what was told of one kind."""
-        return [effect for effect in self.told if isinstance(effect, kind)]
+        return [effect for effect in self.notices if isinstance(effect, kind)]
 
 
 class MemoryTeam:

@@ -189,8 +189,8 @@ def _check_arcs(
     Those within which it signals may come in parts (`waited`, of actions).
     """
     prints = actions.kind == ActionKind.PRINT
-    told = np.isin(np.arange(len(actions)), list(waited))
-    moved = set(actions.contour[prints & ((actions.entry > 0) | told)].tolist())
+    signals = np.isin(np.arange(len(actions)), list(waited))
+    moved = set(actions.contour[prints & ((actions.entry > 0) | signals)].tolist())
     due = arcs.of(set(actions.contour[prints].tolist()))
     return check_arcs(turns_between(file.motion, part.begin, part.end), due, moved)
 

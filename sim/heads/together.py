@@ -158,9 +158,9 @@ def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
     lines = []
     for k, (file, actions) in enumerate(zip(files, plan.heads, strict=True)):
         if file.name != actions.head or file.place != (k + 1, len(files)):
-            says = f"head {file.name}, file {file.place[0]} of {file.place[1]}"
+            places = f"head {file.name}, file {file.place[0]} of {file.place[1]}"
             lines.append(
-                f"{Path(file.path).name} says it is for {says if file.name else 'no head'}, it "
+                f"{Path(file.path).name} says it is for {places if file.name else 'no head'}, it "
                 f"should be for head {actions.head}, file {k + 1} of {len(files)}"
             )
     return listed(FaultKind.COMMAND, lines)

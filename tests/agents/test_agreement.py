@@ -115,7 +115,7 @@ def test_without_a_head_that_is_needed_the_others_wait_and_say_why() -> None:
     team.fence(1)
     team.run(5.0)
     assert team.releases() == {}
-    assert LogNote("only head1 can do job 0") in team.fronts[0].told
+    assert LogNote("only head1 can do job 0") in team.fronts[0].notices
     team.add(1, epoch=2)
     team.run(5.0)
     assert sorted(team.releases()) == [0, 1]
@@ -177,9 +177,9 @@ def test_plans_that_name_unknown_work_are_dropped_not_fatal() -> None:
     team = Team(2, Weather())
     team.run(0.2)
     wild = np.int32([-5, 10**9])
-    told = Distribution((wild,), np.float64([1.0]))
+    notices = Distribution((wild,), np.float64([1.0]))
     forged = [
-        Envelope.of(1, 1, 10**6, told),
+        Envelope.of(1, 1, 10**6, notices),
         Envelope.of(1, 1, 10**6 + 1, Proposal((0, 1), {1: wild}, 0.5, "ab" * 16)),
     ]
     for envelope in forged:

@@ -180,11 +180,11 @@ def test_events_tell_the_actions_of_the_plan(made):
     for h, head in enumerate(result.document.plan.heads):
         moves = np.flatnonzero(np.diff(head.path_offsets) > 1).tolist()
         for kind in (EventKind.BEGAN, EventKind.ENDED):
-            told = [e for e in log.events if e.head == h and e.kind == kind]
-            assert [event.action for event in told] == moves
+            on_trial = [e for e in log.events if e.head == h and e.kind == kind]
+            assert [event.action for event in on_trial] == moves
             at = head.path[head.path_offsets[:-1] if kind == EventKind.BEGAN
                            else head.path_offsets[1:] - 1]  # fmt: skip
-            assert np.allclose([event.at for event in told], at[moves])
+            assert np.allclose([event.at for event in on_trial], at[moves])
     assert [e.time_s for e in log.events] == sorted(e.time_s for e in log.events)
     assert len(stream_of(log)) < 200 * len(log.events)
 

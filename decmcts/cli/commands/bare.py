@@ -20,9 +20,9 @@ def refuse_others(context: typer.Context, kind: str, has: str) -> None:
     """
     for name, spellings in given(context).items():
         if name not in _MEANT:
-            said = spellings[0 if context.params[name] else -1]
+            spelled = spellings[0 if context.params[name] else -1]
             raise InputError(
-                f"{said} means nothing for a {kind} file: it has {has}", advice="leave it out"
+                f"{spelled} means nothing for a {kind} file: it has {has}", advice="leave it out"
             )
 
 

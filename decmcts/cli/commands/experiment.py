@@ -57,10 +57,10 @@ def experiment(
             out.show(f"{each.name:22}{each.question}")
         return
     by = nullcontext(None) if cluster is None else cluster_at(cluster)
-    with steps() as told, by as executor:
+    with steps() as progress, by as executor:
         found = run_experiment(
             name, folder, full=full, prints=prints, time_limit_s=time_limit,
-            iterations=iterations, seeds=seeds, jobs=jobs, executor=executor, report=told,
+            iterations=iterations, seeds=seeds, jobs=jobs, executor=executor, report=progress,
         )  # fmt: skip
     out.show(found.page)
     for path in found.paths:

@@ -152,12 +152,12 @@ def launch(
         writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",
         picture_layer=picture_layer,
     )  # fmt: skip
-    with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
+    with interrupt_stops(), steps() as progress:  # a first Ctrl-C lets everything be written
         paths = list[Path]()
         if stem is not None:
-            told(Step("putting the files of all heads in place"))
-            paths = list(result.write_gcode(stem, report=told).paths)
-        paths += write_extras(result, plan_file, report, picture, picture_layer, told)
+            progress(Step("putting the files of all heads in place"))
+            paths = list(result.write_gcode(stem, report=progress).paths)
+        paths += write_extras(result, plan_file, report, picture, picture_layer, progress)
     with written():
         show_team(result, paths, as_json=as_json, verbose=verbose)
         if only_shown:
@@ -189,16 +189,16 @@ def run_team(
         crew_started(len(machine.heads)) as crew,
     ):
 
-        def told(event: Event) -> None:
+        def progress(event: Event) -> None:
             if isinstance(event, Heads):
                 keep(event)
             show(event)
 
         mesh = Slicing(Chosen(None), replace(PRINTED, skirts=0))  # start code primes the heads
-        found = read(source, machine, limits=limits, mesh=mesh, plate=plate, report=told)
+        found = read(source, machine, limits=limits, mesh=mesh, plate=plate, report=progress)
         require_layer(picture_layer, found.job.contours)
         return launch_heads(
-            found, search, rules, writes=writes, report=told, stop=stop, crew=crew
+            found, search, rules, writes=writes, report=progress, stop=stop, crew=crew
         )  # fmt: skip
 
 
@@ -260,7 +260,7 @@ def demo(
         Rules(),
     )  # fmt: skip
     extras = folder / "plan.json", folder / "report.html", folder / "plate.png"
-    with interrupt_stops(), steps() as told:
-        paths = list(found.write_gcode(folder / "plate", report=told).paths)
-        paths += write_extras(found, *extras, None, told)
+    with interrupt_stops(), steps() as progress:
+        paths = list(found.write_gcode(folder / "plate", report=progress).paths)
+        paths += write_extras(found, *extras, None, progress)
     show_team(found, paths, as_json=False)

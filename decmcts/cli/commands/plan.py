@@ -161,11 +161,11 @@ def write(
     """Write what was asked for; returns what was written and the names of all files."""
     made = Written(result, ())
     # a first Ctrl-C lets everything be written
-    with interrupt_stops() as stop, steps() as told:
+    with interrupt_stops() as stop, steps() as progress:
         if output is not None:
-            made = result.write_gcode(output, allow_slower=allow_slower, report=told, stop=stop)
+            made = result.write_gcode(output, allow_slower=allow_slower, report=progress, stop=stop)
         paths = [] if output is None else [output]
-        paths += write_extras(made.result, plan_file, report, picture, picture_layer, told)
+        paths += write_extras(made.result, plan_file, report, picture, picture_layer, progress)
         if sliced is not None and result.source.sliced_by:
             save_text(Path(result.source.document.path).read_bytes(), sliced)
             paths.append(sliced)
@@ -178,7 +178,7 @@ def write_extras(
     report: Path | None,
     picture: Path | None,
     layer: int | None = None,
-    told: Report = unheard,
+    progress: Report = unheard,
 ) -> list[Path]:
     """Write report, picture (of one layer) and plan.json where asked; returns what was written.
 
@@ -194,7 +194,7 @@ def write_extras(
     asked = [(path, write) for path, write in works if path is not None]
     kept = []
     for number, (path, write) in enumerate(asked, 1):
-        told(Step(f"writing {path.name}", number, len(asked)))
+        progress(Step(f"writing {path.name}", number, len(asked)))
         try:
             write(path)
         except InputError as error:
@@ -249,13 +249,13 @@ def run_single(
     with (
         running(
             time_limit_s=search.time_limit_s, unit=search.unit, remark=remark, logged=logged
-        ) as (told, stop),
-        compiling_beside(parts_for(search, rules.freedom), told),  # while the source is read
+        ) as (progress, stop),
+        compiling_beside(parts_for(search, rules.freedom), progress),  # while the source is read
     ):
-        found = read(source, machine, limits=limits, mesh=slicing, plate=plate, report=told)
+        found = read(source, machine, limits=limits, mesh=slicing, plate=plate, report=progress)
         require_layer(picture_layer, found.job.contours)
         return find_order(
-            found, search, rules, writes=writes, make_safe=make_safe, report=told, stop=stop
+            found, search, rules, writes=writes, make_safe=make_safe, report=progress, stop=stop
         )
 
 

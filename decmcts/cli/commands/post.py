@@ -109,9 +109,9 @@ def post(
         path, machine, search, rules, limits=limits, plate=plate, make_safe=make_safe,
         logged=verbose,
     )  # fmt: skip
-    with interrupt_stops() as stop, steps(logged=verbose) as told:
-        made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
-        views = write_extras(made.result, None, report, picture, None, told)
+    with interrupt_stops() as stop, steps(logged=verbose) as progress:
+        made = result.write_gcode(path, allow_slower=allow_slower, report=progress, stop=stop)
+        views = write_extras(made.result, None, report, picture, None, progress)
     with written():
         show_rewritten(made, path, views, as_json=as_json, verbose=verbose)
 
@@ -141,8 +141,8 @@ def show_planned_already(before: AsSliced, path: Path, *, views: bool, as_json: 
     Then there are no `views`: what it was made of is not known.
     """
     if as_json:
-        said = {"input": str(path), "kept_source": True, "planned_already": before.version}
-        print_json("decmcts-result/1", {**said, "written": []})
+        figures = {"input": str(path), "kept_source": True, "planned_already": before.version}
+        print_json("decmcts-result/1", {**figures, "written": []})
         return
     out.show(
         f"{path}: left as it was; decmcts {before.version} has planned it already "

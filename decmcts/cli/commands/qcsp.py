@@ -39,15 +39,17 @@ def launch_qcsp(
     refuse_two_on_stdout(output, as_json=as_json)
     with (
         interrupt_stops(at_work) as stop,
-        steps(time_limit_s=time_limit_s, unit="") as told,
+        steps(time_limit_s=time_limit_s, unit="") as progress,
     ):
-        told(Step(f"reading {source.name}"))
+        progress(Step(f"reading {source.name}"))
         problem = read_qcsp(source)
         size = f"{len(problem)} tasks, {problem.cranes} cranes"
-        told(Step(f"searching ({size}, {time_limit_s:g} s)"))
+        progress(Step(f"searching ({size}, {time_limit_s:g} s)"))
         compile_qcsp(problem, stop)
         started = time.perf_counter()
-        found = solve_qcsp(problem, time_limit_s=time_limit_s, seed=seed, report=told, stop=stop)
+        found = solve_qcsp(
+            problem, time_limit_s=time_limit_s, seed=seed, report=progress, stop=stop
+        )
         seconds = time.perf_counter() - started
         if faults := faults_of(problem, found.schedule):
             raise VerificationError(f"{faults[0]}; nothing was written")

@@ -190,13 +190,13 @@ def _rest_file(stem: Path) -> Path:
 def _write(result: Result, rest: Rest, stem: Path | None, plan_file: Path | None) -> list[Path]:
     """Write what was asked for; a first Ctrl-C lets everything be written."""
     paths = list[Path]()
-    with interrupt_stops(), steps() as told:
+    with interrupt_stops(), steps() as progress:
         if stem is not None:
-            told(Step("putting the files of all heads in place"))
+            progress(Step("putting the files of all heads in place"))
             first = park_paths(rest.to_park, stem)
             write_all([(path, one.text) for path, one in zip(first, rest.to_park, strict=True)])
             save_text(rest.source.path.read_bytes(), _rest_file(stem))
-            paths = [*first, *result.write_gcode(stem, report=told).paths, _rest_file(stem)]
+            paths = [*first, *result.write_gcode(stem, report=progress).paths, _rest_file(stem)]
         if plan_file is not None:
             result.write_plan(plan_file)
             paths.append(plan_file)

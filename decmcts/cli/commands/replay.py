@@ -120,7 +120,7 @@ def read_record(path: Path) -> tuple[float, list[State]]:
             path=path,
             advice="`decmcts launch --record FILE` makes one",
         )
-    with _told_by(path, 1):
+    with _refused_at(path, 1):
         head = Fields.of(json.loads(first), "", path)
         if head.text("format") != FORMAT:
             raise InputError(f"format {shown(head.need('format'))}, expected {FORMAT}", path=path)
@@ -129,13 +129,13 @@ def read_record(path: Path) -> tuple[float, list[State]]:
     for number, line in enumerate(rest, 2):
         if not line and number == len(rest) + 1:
             break  # behind the last line end
-        with _told_by(path, number):
+        with _refused_at(path, number):
             states.append(_state(Fields.of(json.loads(line), "", path), states))
     return bound_s, states
 
 
 @contextmanager
-def _told_by(path: Path, line: int) -> Iterator[None]:
+def _refused_at(path: Path, line: int) -> Iterator[None]:
     """Turn whatever is wrong with a line of a recording into one line that names it."""
     try:
         yield

@@ -116,9 +116,9 @@ def run(
     )  # fmt: skip
     if source is not None and is_mesh(source):
         raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")
-    with steps() as told:
+    with steps() as progress:
         found = None if source is None else read(
-            source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=told
+            source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=progress
         )  # fmt: skip
         if found is not None:
             differences(found, other)  # refused now, not when a head has failed
@@ -126,7 +126,7 @@ def run(
 
             def passed_on(event: Event) -> None:
                 if isinstance(event, Note) or not watch:
-                    told(event)
+                    progress(event)
 
             kept = None if events is None else Keeping(events, passed_on)
             result = _carried_out(document, found, options, kept, passed_on, window.show)
@@ -134,12 +134,12 @@ def run(
         print_json("decmcts-run/1", figures(result))
     else:
         show(result)
-    with steps() as told:
+    with steps() as progress:
         if kept is not None:
-            told(Step("writing events"))
+            progress(Step("writing events"))
             kept.write(result.prints, result.logs())
         if report is not None:
-            told(Step("writing the report"))
+            progress(Step("writing the report"))
             _write_report(result, document, plan, report)
     if not result.complete:
         raise typer.Exit(1)
@@ -169,7 +169,7 @@ class _Watch:
 
     def __init__(self, *, shown: bool) -> None:
         self._live = Live(console=err, transient=True, auto_refresh=False) if shown else None
-        self._said_s = -math.inf
+        self._shown_s = -math.inf
 
     def __enter__(self) -> _Watch:
         if self._live is not None and err.is_terminal:
@@ -186,8 +186,8 @@ class _Watch:
             return
         if err.is_terminal:
             self._live.update(table_of(view), refresh=True)
-        elif view.time_s >= self._said_s + 60.0:
-            self._said_s = view.time_s
+        elif view.time_s >= self._shown_s + 60.0:
+            self._shown_s = view.time_s
             heads = "; ".join(
                 f"{h.name} {h.does} {h.share:.0%}" + (f" for {h.waits_for}" if h.waits_for else "")
                 for h in view.heads
@@ -307,13 +307,13 @@ def show(result: RunResult) -> None:
 
 
 def _failed(failure: Failure) -> str:
-    said = f"head {failure.head} failed at {clock_time(failure.at_s)}: {failure.why}"
+    text = f"head {failure.head} failed at {clock_time(failure.at_s)}: {failure.why}"
     if math.isnan(failure.fenced_s):
-        return f"{said}; it is not fenced"
-    said += f"; fenced {failure.fenced_s - failure.at_s:.1f} s later"
+        return f"{text}; it is not fenced"
+    text += f"; fenced {failure.fenced_s - failure.at_s:.1f} s later"
     if math.isnan(failure.on_s):
-        return said
+        return text
     return (
-        f"{said}, the rest began {failure.on_s - failure.at_s:.1f} s after it failed; "
+        f"{text}, the rest began {failure.on_s - failure.at_s:.1f} s after it failed; "
         f"no head did anything for {failure.stood_s:.1f} s of these"
     )

@@ -95,27 +95,27 @@ def simulate(
         raise InputError(
             "a report shows the actions of a plan", advice="run PLAN.json alone with --report"
         )
-    with steps() as told:
+    with steps() as progress:
         found = run(
             list(inputs), machine, timing=timing, size=error, trials=trials, seed=seed,
-            queue=queue, report=told,
+            queue=queue, report=progress,
         )  # fmt: skip
         if events is not None:
-            told(Step("writing events"))
+            progress(Step("writing events"))
             problem = "" if found.plan is None or len(inputs) > 1 else found.plan.problem
             put(stream_of(events_of(found.simulation, problem)), events)
         if csv is not None:
-            told(Step("writing where heads are"))
+            progress(Step("writing where heads are"))
             put(samples(found, csv_every_s), csv)
         if picture is not None:
             from sim.pictures.run_picture import draw_run  # it loads for those who ask
 
-            told(Step("drawing"))
+            progress(Step("drawing"))
             draw_run(picture, found.simulation)
         if report is not None and found.plan is not None:
             from sim.pictures.report import write_run_report  # likewise
 
-            told(Step("writing the report"))
+            progress(Step("writing the report"))
             log, first = events_of(found.simulation), found.simulation.trials[0]
             write_run_report(
                 report, found.plan, log, file=inputs[0].name, contacts=len(first.contacts),

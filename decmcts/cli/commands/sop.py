@@ -43,13 +43,13 @@ def plan_sop(
     seconds: dict[str, float] = {}
     with (
         interrupt_stops(at_work) as stop,
-        steps(time_limit_s=time_limit_s, unit="") as told,
+        steps(time_limit_s=time_limit_s, unit="") as progress,
     ):
-        told(Step(f"reading {source.name}"))
+        progress(Step(f"reading {source.name}"))
         started = time.perf_counter()
         instance = read_sop(source)
         seconds["read"] = time.perf_counter() - started
-        told(Step(f"searching ({len(instance)} nodes, {time_limit_s:g} s)"))
+        progress(Step(f"searching ({len(instance)} nodes, {time_limit_s:g} s)"))
         compile_sop()
         started = time.perf_counter()
         try:
@@ -58,7 +58,7 @@ def plan_sop(
                 instance.precedence,
                 time_limit_s=time_limit_s,
                 seed=seed,
-                report=told,
+                report=progress,
                 stop=stop,
             )
         except InputError as error:  # it knows the nodes, not the file they came from

@@ -57,10 +57,10 @@ def verify(
     What was checked is said, and how near heads came to each other and to the print.
     """
     held = Held(process_order, quality, max_layers_ahead, freedom, min_layer_time)
-    with steps() as told:
+    with steps() as progress:
         verdict = judge(
             result, source, machine, plan=plan, plate=plate, held=held, seed=seed, trials=trials,
-            without_tower=without_tower, rest_of=rest_of, report=told,
+            without_tower=without_tower, rest_of=rest_of, report=progress,
         )  # fmt: skip
     show(verdict, ", ".join(map(str, result)), as_json=as_json, verbose=verbose)
     if verdict.faults:

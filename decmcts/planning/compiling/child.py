@@ -91,7 +91,7 @@ def _end_child() -> None:
 
 
 @contextmanager
-def compilation_told(report: Report) -> Iterator[Report]:
+def compilation_reported(report: Report) -> Iterator[Report]:
     """Report each kernel that this process compiles within the body, with the step it is for.
 
     Yields the report to use in the body: it passes events on and takes note of the step.

@@ -24,7 +24,7 @@ _STATED = re.compile(
     rb"filament_type)[ \t]*=[ \t]*([^\r\n]*)", re.M,
 )  # fmt: skip
 _DIAMETER = "filament_diameter"
-_SAID = {
+_NOTES = {
     "nozzle_diameter": "nozzle", "extrusion_multiplier": "flow", "filament_flow_ratio": "flow",
     "filament_type": "filament",
 }  # fmt: skip
@@ -128,7 +128,7 @@ def differences(source: Source, other: Mapping[int, int]) -> list[str]:
                     path=source.path,
                 )
             found.append(
-                f"tool {has} has another {_SAID[key]} ({values[has]}) than tool {due} "
+                f"tool {has} has another {_NOTES[key]} ({values[has]}) than tool {due} "
                 f"({values[due]})"
             )
     return found

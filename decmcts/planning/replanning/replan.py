@@ -21,7 +21,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import GcodeDocument, read_gcode, write_gcode
 from decmcts.formats.gcode.writing.parts import Stretch, with_stretches
 from decmcts.formats.gcode.writing.tools_left import printed_with, with_tool_left
-from decmcts.planning.compiling.child import compilation_told, compiling_beside
+from decmcts.planning.compiling.child import compilation_reported, compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import crew_started
@@ -179,8 +179,8 @@ def rest_of(
     gone = taken(document.contours, np.flatnonzero(left.rows))
     require_passed(Verdict(check_rest(alone.contours, printed, document, dict(pairs), gone).faults))
     done, missing = int(state.done.sum()), left.stated(document.contours)
-    with compilation_told(report) as told:
-        told(Step("paths of heads to their parks"))
+    with compilation_reported(report) as reporting:
+        reporting(Step("paths of heads to their parks"))
         to_park = park_files(document, source, state, whole, at)
     anew = replace(anew, job=alone)
     return Rest(anew, left, tuple(broken), done, missing, pairs, tuple(others), to_park)
@@ -339,11 +339,15 @@ def replan(
     if heads == 1:
         search = replace(search, cut=Cut.NONE)
     waiting = crew_started(heads) if agents is None else nullcontext(None)
-    with compilation_told(report) as told, compiling_beside([TEAM], told), waiting as crew:
-        problem = rest_problem(rest, rules, told)
+    with (
+        compilation_reported(report) as reporting,
+        compiling_beside([TEAM], reporting),
+        waiting as crew,
+    ):
+        problem = rest_problem(rest, rules, reporting)
         agree = partial(launch_agents, crew=crew) if agents is None else agents
         planned = plan_team(
-            problem, search, writes=writes, report=told, stop=stop, agents=agree
+            problem, search, writes=writes, report=reporting, stop=stop, agents=agree
         )  # fmt: skip
         return Result(planned, search)
 

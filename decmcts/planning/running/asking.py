@@ -84,11 +84,11 @@ class Asking:
         if head.controller_gone or (head.fenced and not head.parks):
             return False
         if word == "abort":  # its agent may hang
-            team.processes[h].tell_controller(Abort(ABORTED))
+            team.processes[h].send_to_controller(Abort(ABORTED))
             return True
         head.paused = word == "pause"  # another agent, that takes it to its park, is told it too
         if h in team.listening():
-            team.tell(h, command=word)
+            team.send(h, command=word)
         return True
 
     def _named(self, name: str) -> int:

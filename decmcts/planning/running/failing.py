@@ -54,12 +54,12 @@ class Failing:
             head = self.team.heads[h]
             if head.controller_gone or head.heard_at < since:
                 self._lose(h, head.controller_gone or HANGS)
-            elif self.says_off(h) and (head.agent_gone or head.pulse_at < since):
+            elif self.reported_off(h) and (head.agent_gone or head.pulse_at < since):
                 self._start_another_agent(h)
             elif head.agent_gone:
                 why = f"{AGENT} ({head.agent_gone})"
                 self._lose(h, why)
-                self.team.processes[h].tell_controller(Finish(why))
+                self.team.processes[h].send_to_controller(Finish(why))
         for h in self.team.lost():
             head = self.team.heads[h]
             if not head.asked and (head.controller_gone or head.heard_at < since):
@@ -77,7 +77,7 @@ class Failing:
         head.parks, head.fenced, head.failure.fenced_s = False, False, math.nan  # who knows where
         self.renewal.hold()
 
-    def says_off(self, h: int) -> bool:
+    def reported_off(self, h: int) -> bool:
         """Tell whether its controller's last word is that a head is off."""
         last = self.team.plans[self.team.heads[h].number].last(h)
         return last is not None and last.kind is EventKind.FAILED
@@ -94,7 +94,7 @@ class Failing:
         if not head.fenced or not self.team.is_parked(h):
             return False
         head.parks = False
-        self.team.tell_fenced(self.team.last_of(h), h)
+        self.team.send_fenced(self.team.last_of(h), h)
         return True
 
     def _settle_missing(self) -> None:
@@ -115,13 +115,13 @@ class Failing:
         if worst is None:
             return
         self._settled_at = now
-        if self.says_off(worst):
+        if self.reported_off(worst):
             self._start_another_agent(worst)
         elif heads[worst].parks:
             self.team.processes[worst].kill()  # it would go on while a person looks
             self._lose(worst, BUS)
         else:
-            self.team.processes[worst].tell_controller(Abort(BUS))
+            self.team.processes[worst].send_to_controller(Abort(BUS))
 
     def _deaf(self, suspected: list[int]) -> int | None:
         """Return which of these heads has lost its bus; None: that is not known yet, or none has.
@@ -178,7 +178,7 @@ class Failing:
             head.replaced, head.agent_gone = not head.agent_gone, ""
             head.pulse_at = time.monotonic()
             if head.paused:
-                self.team.tell(h, command="pause")
+                self.team.send(h, command="pause")
         head.fenced, head.asked, head.failure.at = True, False, at
         if math.isnan(head.failure.fenced_s):
             head.failure.fenced_s = self.team.clock.now()

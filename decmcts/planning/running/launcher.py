@@ -84,7 +84,7 @@ class Launcher:
             finally:
                 self._is_ending = True
                 for one in processes:
-                    one.agent.tell({"command": "exit"})
+                    one.agent.send({"command": "exit"})
                 for one in processes:
                     one.end()
                 if self.team.witness is not None:
@@ -194,7 +194,7 @@ class Launcher:
     def _take_event(self, h: int, event: PrintEvent) -> None:
         team, failure = self.team, self.team.heads[h].failure
         carried = team.plans[team.heads[h].number]
-        if not self.failing.says_off(h):  # it says so once more when it is aborted
+        if not self.failing.reported_off(h):  # it says so once more when it is aborted
             carried.take(h, replace(event, head=carried.heads.index(h)))
         if failure is not None and not carried.is_print and team.has_done(h):
             failure.at = team.park(h)

@@ -158,7 +158,7 @@ class Renewal:
         """Have heads hold, as one is lost or fenced: what is planned is not true any more."""
         self._begin, self.held, self._is_holding = None, {}, True
         self._holds += 1
-        self.team.tell_all(command="hold", count=self._holds)
+        self.team.send_to_all(command="hold", count=self._holds)
 
     def take_held(self, h: int, count: int, number: int, released: int) -> None:
         """Take that a head holds, and what; what it said when it was told before is no more."""
@@ -245,9 +245,9 @@ class Renewal:
         carried.until.update(zip(carried.heads, until, strict=True))
         for gone in carried.heads:
             if team.heads[gone].fenced and not team.goes_on_in(carried, gone):
-                team.tell_fenced(carried, gone)
+                team.send_fenced(carried, gone)
         for h in team.listening():
-            team.tell(h, command="limit", number=carried.number, until=carried.until.get(h, 0))
+            team.send(h, command="limit", number=carried.number, until=carried.until.get(h, 0))
 
     def _plan_rest(self, carried: Carried, printing: Carried) -> None:
         """Have planned what is left of the plan that `printing` is, behind a plan's limits."""

@@ -82,14 +82,14 @@ class Team:
         """Return the names of the heads that stand until a person has them go on."""
         return [self.heads[h].name for h in self.listening() if self.heads[h].paused]
 
-    def tell(self, head: int, /, **command: object) -> None:
+    def send(self, head: int, /, **command: object) -> None:
         """Give the agent of a head a command."""
-        self.processes[head].agent.tell(command)
+        self.processes[head].agent.send(command)
 
-    def tell_all(self, **command: object) -> None:
+    def send_to_all(self, **command: object) -> None:
         """Give the agents of all heads that listen a command."""
         for h in self.listening():
-            self.tell(h, **command)
+            self.send(h, **command)
 
     def park(self, h: int) -> Point:
         """Return where a head parks."""
@@ -111,7 +111,7 @@ class Team:
         names = [head.name for head in self.heads]
         heads = tuple(names.index(actions.head) for actions in document.plan.heads)
         self.plans.append(Carried(number, read_plan(path), heads, is_print))
-        self.tell_all(command="plan", number=number, path=str(path), heads=list(heads))
+        self.send_to_all(command="plan", number=number, path=str(path), heads=list(heads))
         return self.plans[-1]
 
     def begun(self) -> list[Carried]:
@@ -165,10 +165,10 @@ class Team:
             if not self.goes_on_in(carried, h)
         }
 
-    def tell_fenced(self, carried: Carried, gone: int) -> None:
+    def send_fenced(self, carried: Carried, gone: int) -> None:
         """Tell all that a head does no more of a plan, and how far it came."""
         reached = self.stopped(carried, gone)
-        self.tell_all(
+        self.send_to_all(
             command="fence", head=gone, number=carried.number,
             reached=[reached.ended, reached.begun, reached.point],
         )  # fmt: skip

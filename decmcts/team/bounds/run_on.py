@@ -66,10 +66,10 @@ def _seconds(
     contour has a point more at either side, where the first or last is, or far beyond.
     """
     run, offsets = rotated(job.contours, entry)
-    said = np.full(len(run.points), np.nan)
+    stated = np.full(len(run.points), np.nan)
     if job.acceleration is not None:
-        said = job.acceleration[run.rows]
-    rows, row = limit_rows(limits, said)
+        stated = job.acceleration[run.rows]
+    rows, row = limit_rows(limits, stated)
     n, rim = len(offsets) - 1, np.column_stack([offsets[:-1], offsets[1:] - 1])
     source = np.insert(np.arange(len(run.points)), (rim + np.array([0, 1])).ravel(), rim.ravel())
     before, behind = (rim + 2 * np.arange(n)[:, None] + np.array([0, 2])).T

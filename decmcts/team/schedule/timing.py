@@ -60,8 +60,8 @@ def action_times(
     """
     c, settings = job.contours, job.settings
     travelling = replace(limits, travel_acceleration=travel_acceleration(settings, limits))
-    said = np.full(len(c.points), np.nan) if job.acceleration is None else job.acceleration
-    rows, row = limit_rows(travelling, said)
+    stated = np.full(len(c.points), np.nan) if job.acceleration is None else job.acceleration
+    rows, row = limit_rows(travelling, stated)
     habits = np.array([habit_of(one, limits) for one in settings.each()])
     retracts = retracted_paths(walls_for(job), settings, path, offsets)
     entries = np.zeros(len(c), np.int32)

@@ -42,13 +42,13 @@ class FakeChild:
     """Keeps what was done to an agent's process."""
 
     def __init__(self) -> None:
-        self.told: list[dict[str, Any]] = []
+        self.sent: list[dict[str, Any]] = []
         self.killed = False
         self.words = ""
         self.fell = False
 
-    def tell(self, command: dict[str, Any]) -> None:
-        self.told.append(command)
+    def send(self, command: dict[str, Any]) -> None:
+        self.sent.append(command)
 
     def kill(self) -> None:
         self.killed = True
@@ -175,18 +175,18 @@ def test_an_unreachable_agent_is_killed_before_the_others_hear_that_it_is_off() 
     scene.keeps_saying(0, agreeing(0), since=0.5, until=6.0)
     order: list[str] = []
     scene.children[1].kill = lambda: order.append("killed")  # type: ignore[method-assign]
-    scene.children[0].tell = lambda command: order.append(str(command))  # type: ignore[method-assign]
+    scene.children[0].send = lambda command: order.append(str(command))  # type: ignore[method-assign]
     scene.released(0, "bb", at=6.0)
     assert scene.run()["digest"] == "bb"
     assert order == ["killed", "{'command': 'fence', 'head': 1, 'epoch': 7}"]
 
 
-@pytest.mark.parametrize("told", [(0, 1, 2), (0, 2)])
-def test_one_that_hears_nobody_does_not_end_the_others(told: tuple[int, ...]) -> None:
+@pytest.mark.parametrize("sent", [(0, 1, 2), (0, 2)])
+def test_one_that_hears_nobody_does_not_end_the_others(sent: tuple[int, ...]) -> None:
     """It agrees with itself at once and says so first; the others were killed for it."""
     scene = team(3)
     scene.says(1, {"event": "unfenced", "heads": [0, 2]})
-    for head, live in ((0, told), (1, (1,)), (2, told)):
+    for head, live in ((0, sent), (1, (1,)), (2, sent)):
         scene.keeps_saying(head, agreeing(*live), since=0.5, until=6.0)
     for head in (0, 2):
         scene.released(head, "bb", at=6.0)
@@ -276,7 +276,7 @@ def test_agents_that_miss_each_other_meet_elsewhere() -> None:
     assert scene.run()["digest"] == "aa"
     assert len(scene.moves) == 1 and scene.moves[0] <= 1.0 + MEET_S + 1.0
     meet = {"command": "meet", "places": ["place 1", "place 1"]}
-    assert all(child.told == [meet] for child in scene.children.values())
+    assert all(child.sent == [meet] for child in scene.children.values())
 
 
 def test_a_place_that_cannot_be_opened_is_left_at_once() -> None:
@@ -333,7 +333,7 @@ def test_a_fence_is_said_again_to_who_misses_the_head(scene: Scene) -> None:
     scene.released(0, "bb")
     scene.run()
     fence = {"command": "fence", "head": 1, "epoch": 7}
-    assert scene.children[0].told == [fence, fence]
+    assert scene.children[0].sent == [fence, fence]
 
 
 def test_what_a_fenced_agent_released_is_void(scene: Scene) -> None:
@@ -383,7 +383,7 @@ def test_the_second_interrupt_goes_to_whoever_launched(scene: Scene) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         scene.run(asked=interrupted)
-    assert scene.children[0].told == [{"command": "stop"}]
+    assert scene.children[0].sent == [{"command": "stop"}]
 
 
 @pytest.mark.parametrize(
@@ -398,7 +398,7 @@ def test_a_stop_before_the_agents_met_is_said_to_be_one(said: list[dict[str, Any
     scene.says(1, PROGRESS)
     with pytest.raises(LaunchError, match="stopped before the agents had found one another"):
         scene.run(asked=lambda: scene.now > 2.0)
-    assert not any(child.killed or child.told for child in scene.children.values())
+    assert not any(child.killed or child.sent for child in scene.children.values())
 
 
 @pytest.mark.parametrize("ready", [(), (0,)])
@@ -472,7 +472,7 @@ def test_a_stop_is_asked_for_once(scene: Scene) -> None:
     scene.released(0, "aa")
     scene.released(1, "aa", at=4.0)
     scene.run(asked=lambda: scene.now > 2.0)
-    assert scene.children[0].told.count({"command": "stop"}) == 1
+    assert scene.children[0].sent.count({"command": "stop"}) == 1
 
 
 # Who is started again ---------------------------------------------------------
@@ -494,7 +494,7 @@ def test_an_agent_that_dies_is_started_again_and_waited_for(scene: Scene) -> Non
     assert scene.run()["digest"] == "aa"
     ((head, epoch, left_s),) = scene.begun_again
     assert (head, epoch) == (1, 8) and 2.0 <= left_s <= 4.5
-    assert scene.supervisor.fenced == set() and scene.children[0].told == []
+    assert scene.supervisor.fenced == set() and scene.children[0].sent == []
     assert scene.supervisor.status[1].again == "killed by SIGKILL"
 
 
@@ -506,7 +506,7 @@ def test_a_successor_that_is_not_ready_in_time_is_given_up(scene: Scene) -> None
     assert scene.run()["digest"] == "aa"
     assert scene.children[1].killed
     assert scene.supervisor.status[1].note == "killed by SIGKILL, and not back in time"
-    assert [c["epoch"] for c in scene.children[0].told if c["command"] == "fence"] == [8]
+    assert [c["epoch"] for c in scene.children[0].sent if c["command"] == "fence"] == [8]
 
 
 def test_an_agent_is_not_started_a_third_time(scene: Scene) -> None:
@@ -518,7 +518,7 @@ def test_an_agent_is_not_started_a_third_time(scene: Scene) -> None:
     scene.released(0, "aa", at=8.0)
     assert scene.run()["digest"] == "aa"
     assert len(scene.begun_again) == 1 and scene.supervisor.fenced == {1}
-    epochs = [c["epoch"] for c in scene.children[0].told if c["command"] == "fence"]
+    epochs = [c["epoch"] for c in scene.children[0].sent if c["command"] == "fence"]
     assert epochs == [8]
 
 
@@ -541,7 +541,7 @@ def test_an_agent_that_dies_before_all_met_is_waited_for() -> None:
         scene.released(head, "aa", at=8.0)
     assert scene.run()["digest"] == "aa"
     assert scene.begun_again == [(1, 8, 5.0)] and scene.supervisor.fenced == set()
-    assert not any(c["command"] == "fence" for c in scene.children[0].told)
+    assert not any(c["command"] == "fence" for c in scene.children[0].sent)
 
 
 def test_a_successor_learns_who_is_fenced_and_where_all_met(scene: Scene) -> None:
@@ -558,7 +558,7 @@ def test_a_successor_learns_who_is_fenced_and_where_all_met(scene: Scene) -> Non
         scene.keeps_saying(head, PROGRESS, since=3.0 + head, until=9.0)
         scene.released(head, "aa", at=9.0)
     scene.run()
-    assert scene.children[1].told == [{"command": "fence", "head": 2, "epoch": 7}]
+    assert scene.children[1].sent == [{"command": "fence", "head": 2, "epoch": 7}]
 
 
 def test_successors_of_all_are_waited_for(scene: Scene) -> None:

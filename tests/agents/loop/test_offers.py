@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agents.loop.offers import JUDGE_S, JUDGING, REPEAT_S, TELL_S, Offers
+from agents.loop.offers import JUDGE_S, JUDGING, REPEAT_S, SEND_S, Offers
 from agents.messages.kinds import Joint
 
 LIVE = (0, 1, 2)
@@ -46,17 +46,17 @@ def test_a_better_plan_is_told_soon_and_the_same_one_again_later() -> None:
     """What is droppable is said again, but seldom."""
     offers = Offers()
     assert offers.is_worth_sending(joint(9.0), 0.0)
-    assert not offers.is_worth_sending(joint(8.0), 0.9 * TELL_S)
-    assert offers.is_worth_sending(joint(8.0), TELL_S)
-    assert not offers.is_worth_sending(joint(8.0), TELL_S + 0.9 * REPEAT_S)
-    assert offers.is_worth_sending(joint(8.0), TELL_S + REPEAT_S)
+    assert not offers.is_worth_sending(joint(8.0), 0.9 * SEND_S)
+    assert offers.is_worth_sending(joint(8.0), SEND_S)
+    assert not offers.is_worth_sending(joint(8.0), SEND_S + 0.9 * REPEAT_S)
+    assert offers.is_worth_sending(joint(8.0), SEND_S + REPEAT_S)
 
 
 def test_a_new_live_set_is_news() -> None:
     """A longer makespan of fewer heads is not an older plan."""
     offers = Offers()
     offers.is_worth_sending(joint(5.0), 0.0)
-    assert offers.is_worth_sending(joint(9.0, live=(0, 1)), TELL_S)
+    assert offers.is_worth_sending(joint(9.0, live=(0, 1)), SEND_S)
 
 
 def test_a_plan_that_took_long_to_judge_puts_off_the_next() -> None:

@@ -67,7 +67,7 @@ def test_the_end_of_the_pipe_means_leave_once(pipes: tuple[PipeFront, int, int])
 def test_a_release_carries_the_plan(pipes: tuple[PipeFront, int, int]) -> None:
     """The launcher prints what the agents agreed on, so it must get all of it."""
     front, commands, lines = pipes
-    front.tell(PlanReleased((0, 1), {1: np.int32([3, 4]), 0: np.int32([])}, 9.5, "ab" * 16))
+    front.notify(PlanReleased((0, 1), {1: np.int32([3, 4]), 0: np.int32([])}, 9.5, "ab" * 16))
     assert json.loads(os.read(lines, 4096)) == {
         "event": "released",
         "live": [0, 1],

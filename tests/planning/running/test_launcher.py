@@ -36,19 +36,19 @@ class Listening:
     """The processes of a head: they keep what they are told."""
 
     def __init__(self) -> None:
-        self.told: list[dict[str, Any]] = []
+        self.sent: list[dict[str, Any]] = []
         self.agent = self
         self.is_killed = False
 
-    def tell(self, command: dict[str, Any]) -> None:
-        self.told.append(command)
+    def send(self, command: dict[str, Any]) -> None:
+        self.sent.append(command)
 
     def restart(self) -> None:
         """Start no process."""
 
-    def tell_controller(self, command: Finish | Abort) -> None:
+    def send_to_controller(self, command: Finish | Abort) -> None:
         """Note it; no controller is there to be off."""
-        self.told.append({"command": type(command).__name__.lower(), "why": command.why})
+        self.sent.append({"command": type(command).__name__.lower(), "why": command.why})
 
     def kill(self) -> None:
         """Note it."""
@@ -83,15 +83,15 @@ class Desk:
         """Have all agents say which plan they hold, and how much of their first is released."""
         self.launcher.step()
         for h, number in enumerate(numbers):
-            count = self.told(h, "hold")[-1].get("count", 0)
+            count = self.sent(h, "hold")[-1].get("count", 0)
             some = 0 if number else released
             held = {"event": "held", "count": count, "number": number, "released": some}
             self.launcher.take(AgentLine(h, held))
         self.launcher.step()
 
-    def told(self, head: int, command: str) -> list[dict[str, Any]]:
+    def sent(self, head: int, command: str) -> list[dict[str, Any]]:
         """Return what an agent was told with this word."""
-        return [one for one in self.team.processes[head].told if one["command"] == command]  # type: ignore[attr-defined]
+        return [one for one in self.team.processes[head].sent if one["command"] == command]  # type: ignore[attr-defined]
 
     def clog(self, head: int, number: int = 0) -> None:
         """Have a head clog where it stands, or fail once more on its way to its park."""
@@ -167,8 +167,8 @@ def test_of_two_heads_the_one_stops_that_a_witness_does_not_hear(desk: Desk, dea
     desk.team.witness = Heard(1 - deaf)  # type: ignore[assignment]
     miss_each_other(desk)
     desk.launcher.step()
-    told = [[one["command"] for one in each.told] for each in desk.team.processes]
-    assert ["abort" in commands for commands in told] == [deaf == LEFT, deaf == RIGHT]
+    sent = [[one["command"] for one in each.sent] for each in desk.team.processes]
+    assert ["abort" in commands for commands in sent] == [deaf == LEFT, deaf == RIGHT]
 
 
 def listening(desk: Desk) -> Heard:
@@ -193,10 +193,10 @@ def test_a_witness_that_tells_nothing_apart_is_asked_again(
     desk.team.witness = witness  # type: ignore[assignment]
     for k in range(failing.PATIENCE + 1):
         miss_each_other(desk)
-        assert not any(one["command"] == "abort" for one in desk.team.processes[RIGHT].told)
+        assert not any(one["command"] == "abort" for one in desk.team.processes[RIGHT].sent)
         desk.launcher.step()
         assert witness.asked == k + 1
-    assert any(one["command"] == "abort" for one in desk.team.processes[RIGHT].told)
+    assert any(one["command"] == "abort" for one in desk.team.processes[RIGHT].sent)
 
 
 def test_what_a_witness_heard_before_heads_found_to_one_another_is_forgotten(desk: Desk) -> None:
@@ -211,8 +211,8 @@ def test_what_a_witness_heard_before_heads_found_to_one_another_is_forgotten(des
     miss_each_other(desk)
     desk.launcher.step()
     assert witness.asked == 2
-    told = [[one["command"] for one in each.told] for each in desk.team.processes]
-    assert ["abort" in commands for commands in told] == [True, False]
+    sent = [[one["command"] for one in each.sent] for each in desk.team.processes]
+    assert ["abort" in commands for commands in sent] == [True, False]
 
 
 def test_a_late_pulse_does_not_have_a_witness_begin_again(desk: Desk) -> None:
@@ -331,7 +331,7 @@ def test_a_head_that_fails_before_a_plan_is_begun_has_not_begun_it(desk: Desk) -
     desk.says(RIGHT, Ready(1, ""))
     desk.clog(RIGHT, 1)
     desk.hold(0, 1)
-    assert [limit["number"] for limit in desk.told(LEFT, "limit")] == [0, 0]
+    assert [limit["number"] for limit in desk.sent(LEFT, "limit")] == [0, 0]
     assert desk.team.printing().number == 0
 
 
@@ -408,7 +408,7 @@ def test_what_was_said_before_heads_were_told_to_hold_once_more_is_past(desk: De
     desk.clog(RIGHT)
     for _ in range(2):
         desk.launcher.failing.fence(RIGHT, (200.0, 100.0, 1.0), "clogged")
-    first, last = (desk.told(LEFT, "hold")[k]["count"] for k in (0, -1))
+    first, last = (desk.sent(LEFT, "hold")[k]["count"] for k in (0, -1))
     for h, count in ((LEFT, first), (RIGHT, last)):
         held = {"event": "held", "count": count, "number": 0, "released": 1}
         desk.launcher.take(AgentLine(h, held))
@@ -428,7 +428,7 @@ def test_heads_do_all_they_can_while_one_is_lost(
     desk.hold(0)
     assert desk.team.lost() == [RIGHT] and not desk.renewal.is_busy
     assert np.isnan(desk.team.failures[0].fenced_s)
-    assert desk.told(LEFT, "limit")[-1]["until"] > before
+    assert desk.sent(LEFT, "limit")[-1]["until"] > before
 
 
 def asks(desk: Desk) -> list[str]:
@@ -485,9 +485,9 @@ def test_a_head_that_is_off_gets_another_agent_when_its_own_is_gone_or_hangs(
     head.agent_gone, head.pulse_at = gone, head.pulse_at - (0.0 if gone else STARTS_S + 1.0)
     desk.launcher.step()
     assert head.parks and head.fenced and not head.agent_gone and not asked
-    assert head.replaced == (not gone) and len(desk.told(LEFT, "hold")) == 2
+    assert head.replaced == (not gone) and len(desk.sent(LEFT, "hold")) == 2
     desk.launcher.step()
-    assert len(desk.told(LEFT, "hold")) == 2
+    assert len(desk.sent(LEFT, "hold")) == 2
 
 
 def test_another_agent_takes_a_head_to_its_park_whose_second_agent_is_lost(desk: Desk) -> None:
@@ -524,7 +524,7 @@ def test_a_head_that_has_parked_may_fail_as_it_likes(made: Made, desk: Desk, gon
     desk.launcher.step()
     assert desk.renewal.is_busy == begun and desk.team.lost() == []
     assert not desk.renewal.unplanned and not head.parks
-    assert desk.told(LEFT, "fence")[-1]["number"] == 1
+    assert desk.sent(LEFT, "fence")[-1]["number"] == 1
 
 
 def test_a_head_that_failed_while_it_was_paused_goes_to_its_park_when_it_may(desk: Desk) -> None:
@@ -532,11 +532,11 @@ def test_a_head_that_failed_while_it_was_paused_goes_to_its_park_when_it_may(des
     head = desk.team.heads[RIGHT]
     head.paused, head.agent_gone = True, "killed"
     desk.clog(RIGHT)
-    assert head.parks and desk.told(RIGHT, "pause")
+    assert head.parks and desk.sent(RIGHT, "pause")
     desk.launcher.asking.do(["resume"])
-    assert desk.told(RIGHT, "resume") and desk.told(LEFT, "resume")
+    assert desk.sent(RIGHT, "resume") and desk.sent(LEFT, "resume")
     desk.launcher.asking.do(["abort", "right"])
-    assert desk.told(RIGHT, "abort")
+    assert desk.sent(RIGHT, "abort")
 
 
 # The end of standard input -------------------------------------------------
@@ -628,9 +628,9 @@ def test_a_head_whose_agent_is_lost_obeys_a_person_all_the_same(desk: Desk) -> N
     assert desk.team.lost() == [RIGHT]
     desk.launcher.asking.do(["pause"])
     desk.event(RIGHT, EventKind.FAILED, (200.0, 100.0, 1.0), "its agent is gone")
-    assert desk.team.heads[RIGHT].parks and desk.told(RIGHT, "pause")
+    assert desk.team.heads[RIGHT].parks and desk.sent(RIGHT, "pause")
     desk.launcher.asking.do(["abort", "right"])
-    assert desk.told(RIGHT, "abort")
+    assert desk.sent(RIGHT, "abort")
 
 
 def test_a_head_that_clogged_and_is_aborted_stays_where_it_is(desk: Desk) -> None:

@@ -72,7 +72,7 @@ def hot(stops):
 
 def test_a_hot_end_that_cooled_is_waited_for():
     """It cools by 30 °C in 30 s, is heated for 5 s while the head dwells, and lacks 20 °C."""
-    tell, heat = StopKind.TELL, StopKind.HEAT
+    tell, heat = StopKind.TARGET, StopKind.HEAT
     late = [(0, tell, -1, 150.0), (0, StopKind.DWELL, -1, 30.0), (0, tell, -1, 210.0),
             (0, StopKind.DWELL, -1, 5.0), (0, heat, -1, 210.0)]  # fmt: skip
     found, _ = run(hot(late))
@@ -81,7 +81,7 @@ def test_a_hot_end_that_cooled_is_waited_for():
 
 def test_a_hot_end_heated_in_time_costs_nothing():
     """No colder than it was told to be, however long it stands; hot before the wait is over."""
-    tell, heat = StopKind.TELL, StopKind.HEAT
+    tell, heat = StopKind.TARGET, StopKind.HEAT
     rows = [(0, tell, -1, 190.0), (0, StopKind.DWELL, -1, 300.0), (0, tell, -1, 210.0),
             (0, StopKind.DWELL, -1, 10.0), (0, heat, -1, 210.0)]  # fmt: skip
     found, _ = run(hot(rows))
@@ -90,7 +90,7 @@ def test_a_hot_end_heated_in_time_costs_nothing():
 
 def test_a_temperature_that_nothing_waits_for_stops_no_head():
     """Moves around it stay joined, as around a signal in motion."""
-    told = hot([(1, StopKind.TELL, -1, 150.0)])
+    told = hot([(1, StopKind.TARGET, -1, 150.0)])
     assert not told.rests[1]
     assert run(told)[0].heads[0].end_s == pytest.approx(run(program(WAY))[0].heads[0].end_s)
 

@@ -37,7 +37,7 @@ class WordsInForce:
     values: dict[Word, str] = field(default_factory=dict)
     carriers: dict[WordKey, Word] = field(default_factory=dict)
 
-    def say(self, params: Params, *, form: str = "", whole: str = "") -> str:
+    def take(self, params: Params, *, form: str = "", whole: str = "") -> str:
         """Take a command, and return what says all that is now in force.
 
         Parameters

@@ -223,7 +223,7 @@ class _StateCollector:
         held = self.merged.get(slot)
         if held is None or held.command != event.text:
             held = self.merged[slot] = WordsInForce(event.text)
-        self.set_slot(slot, held.say(event.params, form=form, whole=event.whole), line)
+        self.set_slot(slot, held.take(event.params, form=form, whole=event.whole), line)
 
     def keep_factor(self, code: str, line: int) -> None:
         """Take an M220 that keeps the factor of speed (B) or puts it back (R)."""

@@ -51,7 +51,7 @@ class Emitter:
         self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
         self._feed_words: dict[float, str] = {}
-        self._states = StateLines(document, self.say)
+        self._states = StateLines(document, self.emit)
         self.travel_feed = settings.travel_feed or DEFAULT_TRAVEL
         self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
         self.e = 0.0
@@ -76,7 +76,7 @@ class Emitter:
         """Retract from now on as a tool does."""
         self.settings = self._of_tool.get(tool, self._usual)
 
-    def say(self, text: str) -> None:
+    def emit(self, text: str) -> None:
         """Write a line."""
         self.lines.append(text.encode("utf-8", "surrogateescape") + self.document.newline)
 
@@ -92,7 +92,7 @@ class Emitter:
         """Move the filament alone."""
         if abs(filament) < 1e-9:
             return
-        self.say(f"G1 E{self._count(filament)} F{self._feed_word(feed)}")
+        self.emit(f"G1 E{self._count(filament)} F{self._feed_word(feed)}")
         self.feed = feed
 
     def _count(self, filament: float, *, bead: bool = False) -> str:
@@ -137,7 +137,7 @@ class Emitter:
         if abs(feed - self.feed) > 1e-9:
             words.append(f"F{self._feed_word(feed)}")
         if len(words) > 1:
-            self.say(" ".join(words))
+            self.emit(" ".join(words))
         if to != self.at:
             self.leave()
         self.at, self.feed = to, feed
@@ -178,21 +178,21 @@ class Emitter:
         words.append(f"E{self._count(filament, bead=True)}")
         if abs(feed - self.feed) > 1e-9:
             words.append(f"F{self._feed_word(feed)}")
-        self.say(" ".join(words))
+        self.emit(" ".join(words))
         self.leave()
         self.at, self.feed = to, feed
 
     def set_feed(self, feed: float) -> None:
         """Set the modal feed without moving."""
         if feed > 0.0 and abs(feed - self.feed) > 1e-9:
-            self.say(f"G1 F{self._feed_word(feed)}")
+            self.emit(f"G1 F{self._feed_word(feed)}")
             self.feed = feed
 
     def set_e(self, e: float) -> None:
         """Make the controller count E from another value, where it counts at all."""
         left = self._rounded_off()
         if not self.relative_e and not abs(self.e - left - e) <= 1e-7:
-            self.say(f"G92 E{e:{self._e}}")
+            self.emit(f"G92 E{e:{self._e}}")
         self.e = e + left
 
     # -- retraction -------------------------------------------------------------
@@ -205,7 +205,7 @@ class Emitter:
         retract.
         """
         if self.firmware_retracted != firmware:
-            self.say("G10" if firmware else "G11")
+            self.emit("G10" if firmware else "G11")
             self.firmware_retracted = firmware
         change = self.owed - owed
         settings = self.settings
@@ -292,18 +292,18 @@ class Emitter:
         length = math.dist(self.at, points[0]) + sum(map(math.dist, points, points[1:]))
         if length < 1e-9:
             for text in (passed or {}).values():
-                self.say(text)
+                self.emit(text)
             return
         self.retract_for([self.at, *points])
         for k, to in enumerate(points):
             if to != self.at:
                 self.move(to, self._travel_feed(to))
             if passed and k in passed:
-                self.say(passed[k])
+                self.emit(passed[k])
 
     def dwell(self, seconds: float, mark: str = WAIT_MARK) -> None:
         """Stand still; `mark` says what for."""
-        self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {mark}")
+        self.emit(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {mark}")
 
     def _travel_feed(self, to: Point) -> float:
         upright = to[0] == self.at[0] and to[1] == self.at[1]
@@ -320,9 +320,9 @@ class Emitter:
             self.retract()
         over = max(self.at[2], to[2] + APPROACH_MM)
         feed = self.settings.z_feed or self.travel_feed
-        self.say(f"G1 Z{over:{self._xy}} F{self._feed_word(feed)}")
+        self.emit(f"G1 Z{over:{self._xy}} F{self._feed_word(feed)}")
         across = f"X{to[0]:{self._xy}} Y{to[1]:{self._xy}}"
-        self.say(f"G1 {across} F{self._feed_word(self.travel_feed)}")
+        self.emit(f"G1 {across} F{self._feed_word(self.travel_feed)}")
         self.leave()
         self.at, self.feed = (to[0], to[1], over), self.travel_feed
         self.move(to, feed)

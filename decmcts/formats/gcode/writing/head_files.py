@@ -169,7 +169,7 @@ class _HeadFileWriter:
         emitter.verbatim(first)
         if head > 0:
             for line in early_heat(rest):
-                emitter.say(line)
+                emitter.emit(line)
             self.waits.wait(head)
         emitter.verbatim(rest)
         self.hot_end.take(preamble)
@@ -182,17 +182,17 @@ class _HeadFileWriter:
         emitter, printed = self.emitter, self.job.printed
         (x, y, z), z_feed = park, emitter.settings.z_feed or Z_FEED
         over = z if printed is None else max(z, float(printed.top.max()) + OVER_PRINTED_MM)
-        emitter.say(f"G1 Z{over:.3f} F{z_feed * 60:.0f}")
-        emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
+        emitter.emit(f"G1 Z{over:.3f} F{z_feed * 60:.0f}")
+        emitter.emit(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
         emitter.at, emitter.feed = park, emitter.travel_feed
         if over > z:
-            emitter.say(f"G1 Z{z:.3f} F{z_feed * 60:.0f}")
+            emitter.emit(f"G1 Z{z:.3f} F{z_feed * 60:.0f}")
             emitter.feed = z_feed
 
     def _resume(self, cursor: Cursor) -> None:
         """Set modes and E as the source has them, after lines of it were left out."""
-        self.emitter.say("G90")
-        self.emitter.say(
+        self.emitter.emit("G90")
+        self.emitter.emit(
             "M83" if cursor.relative_e else "M82"
         )  # G90 resets E too in some firmwares
         self._count_from(cursor)

@@ -12,10 +12,10 @@ from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, GcodeDoc
 
 
 class StateLines:
-    """Keeps the state in force, and writes by `say` what sets another."""
+    """Keeps the state in force, and writes by `emit` what sets another."""
 
-    def __init__(self, document: GcodeDocument, say: Callable[[str], None]) -> None:
-        self._table, self._say = document.states, say
+    def __init__(self, document: GcodeDocument, emit: Callable[[str], None]) -> None:
+        self._table, self._emit = document.states, emit
         slots = document.states.slots
         self._written = [k for k, slot in enumerate(slots) if not slot.startswith(SILENT)]
         self._ahead = [k for k in self._written if slots[k] in BEFORE_TRAVEL]
@@ -76,7 +76,7 @@ class StateLines:
 
     def _write(self, lines: Iterable[str]) -> None:
         for line in lines:
-            self._say(line)
+            self._emit(line)
 
 
 def _rank(slot: str) -> int:

@@ -25,7 +25,7 @@ from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, JointPlan
 from decmcts.print.signals import Action, Place, place_of, signals_of
 from decmcts.print.stands import Standby
-from decmcts.print.sync_words import SyncWords, said
+from decmcts.print.sync_words import SyncWords, with_number
 
 LONGEST_DWELL_S = 600.0  # of one G4
 
@@ -131,12 +131,12 @@ class HeadWaits:
 
     def signal(self, number: int) -> None:
         """Signal at rest."""
-        self.emitter.say("M400")
-        self.emitter.say(self._line(self.words.signal, number))
+        self.emitter.emit("M400")
+        self.emitter.emit(self._line(self.words.signal, number))
 
     def wait(self, number: int) -> None:
         """Wait for a number; the moves above run out by themselves."""
-        self.emitter.say(self._line(self.words.wait, number))
+        self.emitter.emit(self._line(self.words.wait, number))
 
     def any_before(self, action: int) -> bool:
         """Tell whether an action waits for another head."""
@@ -169,17 +169,17 @@ class HeadWaits:
         if standby is None:
             self._wait_for(numbers, lag_s, rested_s)
             return
-        self.emitter.say("M400")
-        self.emitter.say(f"M104 S{cold:g} {IDLE_MARK}")
+        self.emitter.emit("M400")
+        self.emitter.emit(f"M104 S{cold:g} {IDLE_MARK}")
         if not standby.behind:
             self._dwell(standby.cool_s, IDLE_MARK)
-            self.emitter.say(f"M104 S{hot:g}")
+            self.emitter.emit(f"M104 S{hot:g}")
             self._wait_for(numbers, lag_s, rested_s)
         else:
             self._wait_for(numbers, standby.cool_s)
-            self.emitter.say(f"M104 S{hot:g}")
+            self.emitter.emit(f"M104 S{hot:g}")
             self._dwell(standby.heat_s)
-        self.emitter.say(f"M109 S{hot:g}")
+        self.emitter.emit(f"M109 S{hot:g}")
 
     def ended(self, action: int) -> None:
         """Signal that an action has ended if any head waits for it, without a stop where it can."""
@@ -190,7 +190,7 @@ class HeadWaits:
             self._stand_apart(action)
             self.signal(number)
         else:
-            self.emitter.say(self._line(self.words.passed, number))
+            self.emitter.emit(self._line(self.words.passed, number))
 
     def wait_for_all(self, count: int) -> None:
         """Signal that all `count` actions are done, and wait for all heads and the turn to end."""
@@ -230,4 +230,4 @@ class HeadWaits:
             seconds -= part
 
     def _line(self, words: str, number: int) -> str:
-        return said(words, number, *self.points.given[number])
+        return with_number(words, number, *self.points.given[number])

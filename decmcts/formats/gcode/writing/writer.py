@@ -90,7 +90,7 @@ def write_gcode(
             emit_block(emitter, block)
             path = [] if block.moves else path
             block = next(blocks, None)
-        progress.tell(emitter, k)
+        progress.write(emitter, k)
         print_contour(
             emitter, beads, contour, path, is_reversed=bool(actions.reversed[k]),
             entry=int(actions.entry[k]),
@@ -175,7 +175,7 @@ def print_contour(
     _go(emitter, path, begin)
     first = emitter.top == -math.inf  # what the start code pushes belongs to the first bead
     if len(emitter.lines) == written and not (emitter.parted or first):
-        emitter.say(SPLIT_MARK)  # above what is pushed on the spot, or that were the last bead's
+        emitter.emit(SPLIT_MARK)  # above what is pushed on the spot, or that were the last bead's
     emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False
     if way is None:
@@ -211,7 +211,7 @@ def _lay(
             until = k + 1
             emitter.move(tuple(points[until]), feed[k], filament[k])
         if until in commands:
-            emitter.say(commands[until])
+            emitter.emit(commands[until])
         k = until
 
 
@@ -314,7 +314,7 @@ class ProgressWriter:
         self._silent = document.habits.silent_share
         self._shown = -1
 
-    def tell(self, emitter: Emitter, action: int) -> None:
+    def write(self, emitter: Emitter, action: int) -> None:
         """Write the progress at the beginning of an action if it changed."""
         if self._total <= 0.0 or not self._words:
             return
@@ -323,7 +323,7 @@ class ProgressWriter:
             left = self._total - float(self._begin[action])
             for words in ("PR", "QS"):
                 if set(words) & set(self._words):
-                    emitter.say(f"M73 {self._parameters(words, percent, left)}")
+                    emitter.emit(f"M73 {self._parameters(words, percent, left)}")
             self._shown = percent
 
     def _parameters(self, words: str, percent: float, left_s: float) -> str:
