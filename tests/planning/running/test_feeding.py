@@ -119,7 +119,7 @@ def test_what_agents_know_is_on_the_record(monkeypatch: pytest.MonkeyPatch, tmp_
     monkeypatch.setattr(serve, "write_all", write)
     PrintClock.made(tmp_path / "clock", 1.0)
     controller = serve.Controller(Namespace(clock=tmp_path / "clock", record=7))
-    controller._say(b"something")
+    controller._report(b"something")
     assert written == [7, 1]
 
 
