@@ -172,7 +172,9 @@ TWO_TOOLS = TEXT.replace("G28\n", "G28\nM109 S210 T0\nM109 S210 T1\n{start}", 1)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("word", ["M572 D{k} S0.0{n}", "SET_PRESSURE_ADVANCE EXTRUDER={e} ADVANCE=0.{n}"])
+@pytest.mark.parametrize(
+    "word", ["M572 D{k} S0.0{n}", "SET_PRESSURE_ADVANCE EXTRUDER={e} ADVANCE=0.{n}"]
+)
 @pytest.mark.parametrize("changes", [False, True])
 def test_a_setting_of_a_drive_that_changes_is_refused_before_the_search(
     tmp_path, capsys, word, changes
