@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+UNLOAD_MM = 20.0  # of filament; who pulls more takes it out of the hot end
 IDLE_S = 10.0
 HEAT_C_S = 2.0  # 40 W hot ends near 200 °C: they heat faster below
 

@@ -188,7 +188,11 @@ def seams_of_file(ours: Contours, source: Contours) -> Iterator[Moved]:
 
 
 def seams_of_paths(paths: Sequence[Floats], source: Contours) -> Iterator[Moved]:
-    """Yield the paths, each (k, 3), that run a loop of the source from another vertex."""
+    """Yield the paths, each (k, 3), that run a loop of the source from another vertex.
+
+    Each path is one loop, and no loop is run twice: one that runs back on itself fits either
+    way round, and of two that coincide each path fits both.
+    """
     if not paths or not len(source):
         return
     ends = np.hstack([source.start, source.end])
@@ -196,20 +200,26 @@ def seams_of_paths(paths: Sequence[Floats], source: Contours) -> Iterator[Moved]
     ours = np.array([np.concatenate([path[0], path[-1]]) for path in paths])
     away, _ = given.query(ours, distance_upper_bound=3 * SAME_MM)
     vertices = cKDTree(source.points)
+    taken = set[int]()
     for c in np.flatnonzero(~np.isfinite(away)).tolist():
-        path = paths[c]
-        found = (_entered(source, vertices, way) for way in (path, path[::-1]))
-        yield from (moved for moved in found if moved is not None)
+        fitting = (
+            moved
+            for path in (paths[c], paths[c][::-1])
+            for moved in _entered(source, vertices, path)
+            if moved.contour not in taken
+        )
+        if (moved := next(fitting, None)) is not None:
+            taken.add(moved.contour)
+            yield moved
 
 
-def _entered(source: Contours, vertices: cKDTree, path: Floats) -> Moved | None:
-    """Return which loop of the source a path runs, and from where; None if it runs none."""
-    for row in vertices.query_ball_point(path[0], 2 * SAME_MM):
+def _entered(source: Contours, vertices: cKDTree, path: Floats) -> Iterator[Moved]:
+    """Yield which loops of the source a path may run, and from where."""
+    for row in sorted(vertices.query_ball_point(path[0], 2 * SAME_MM)):
         contour = int(np.searchsorted(source.offsets, row, side="right")) - 1
         moved = Moved(contour, int(row - source.offsets[contour]), path)
         if isinstance(run_of(source, moved), ContourRun):
-            return moved
-    return None
+            yield moved
 
 
 def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, Ints]:

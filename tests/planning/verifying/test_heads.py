@@ -166,6 +166,29 @@ def test_states_of_a_tool_by_name_are_refused_before_the_search(tmp_path, capsys
     assert (f"in.gcode:3: '{line}' names the tool" in said) == (code == 2)
 
 
+TWO_TOOLS = TEXT.replace("G28\n", "G28\nM109 S210 T0\nM109 S210 T1\n{start}", 1).replace(
+    "G1 X150", "G1 E-1 F2400\nT1\n{change}G1 X150", 1
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "word", ["M572 D{k} S0.0{n}", "SET_PRESSURE_ADVANCE EXTRUDER={e} ADVANCE=0.{n}"]
+)
+@pytest.mark.parametrize("changes", [False, True])
+def test_a_setting_of_a_drive_that_changes_is_refused_before_the_search(
+    tmp_path, capsys, word, changes
+):
+    """A head's file chooses no tool, so the judge took it for that of another; in vain."""
+    lines = [word.format(k=k, n=4 + k, e=("extruder", "extruder1")[k]) + "\n" for k in (0, 1)]
+    source = tmp_path / "in.gcode"
+    source.write_text(TWO_TOOLS.format(start="".join(lines), change=lines[1] * changes))
+    options = ["--tool", "left=0", "--tool", "right=1", "--time-limit", "0"]
+    code = run(["launch", str(source), *options, "-o", str(tmp_path / "part")])
+    said = " ".join(capsys.readouterr().err.split())
+    assert (code, "names the tool whose setting" in said) == ((2, True) if changes else (0, False))
+
+
 def test_a_print_whose_tool_is_not_heated_is_refused_before_the_search(tmp_path, capsys):
     """All that heats names another tool than the one it prints with."""
     source = tmp_path / "in.gcode"

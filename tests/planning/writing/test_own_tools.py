@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.cli.run import run
+from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.formats.gcode.reading.without_tower import without_tower
@@ -436,6 +437,30 @@ def test_a_tower_that_cannot_be_left_out_is_one_line(
     assert run(["launch", source, "--machine", named, "--without-tower"]) == 2
     lines = [row for row in capsys.readouterr().err.splitlines() if row.startswith("decmcts: ")]
     assert len(lines) == 1 and "wipe tower" in lines[0]
+
+
+UNLOADED = ["G1 E-15 F6000", "G1 E-79 F3000"]  # by itself, and loaded along the tower
+
+
+@pytest.mark.parametrize(("changes", "refused"), [((0,), True), ((0, 1, 2), True), ((2,), False)])
+def test_a_tower_along_which_filament_is_loaded_cannot_be_left_out(
+    tmp_path: Path, changes: tuple[int, ...], refused: bool
+) -> None:
+    """What is pulled would never be pushed back; the judge refused the files, in vain.
+
+    A tool that is unloaded behind its last bead needs no load.
+    """
+    rows = Path(with_tower(tmp_path)).read_text().splitlines()
+    begins = [k for k, row in enumerate(rows) if row == "M220 B"]
+    for change in reversed(changes):
+        rows[begins[change] : begins[change]] = UNLOADED
+    text = "\n".join(rows).encode()
+    if not refused:
+        assert without_tower(text, "in.gcode")[1] > 0
+        return
+    end = [k for k, row in enumerate(rows, 1) if row == "; CP TOOLCHANGE END"][1]
+    with pytest.raises(InputError, match=rf"gcode:{end}: the wipe .* loads 94 mm of filament"):
+        without_tower(text, "in.gcode")
 
 
 def one_change(folder: Path, change: tuple[str, ...], *, between: str = "") -> str:

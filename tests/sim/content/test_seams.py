@@ -12,13 +12,21 @@ from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
-from decmcts.print.contours import Role
+from decmcts.print.contours import Role, taken
 from decmcts.print.loops import close_gaps, enter_at, traversal
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.samples import sample_path
 from decmcts.team.schedule.joint_plan import schedule
-from sim.content.seams import ContourRun, Moved, motions_with, run_of, seams_of_file, seams_of_plan
+from sim.content.seams import (
+    ContourRun,
+    Moved,
+    motions_with,
+    run_of,
+    seams_of_file,
+    seams_of_paths,
+    seams_of_plan,
+)
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from sim.verify import verify_plan
@@ -170,6 +178,29 @@ def test_a_file_with_random_seams_passes_and_is_the_sources(planned, tmp_path) -
     assert laid[0] == pytest.approx(laid[1], abs=5e-6 * len(ours.line) ** 0.5)
     moved = motions_with(theirs, job.contours, seams)
     assert moved.extrusion.sum() == pytest.approx(theirs.extrusion.sum(), abs=1e-9)
+
+
+THERE_AND_BACK = [(0, 0), (-2, -2), (0, 0), (5, 0), (7, -2), (5, 0), (0, 0)]
+
+
+@pytest.mark.parametrize("entry", range(1, 6))
+def test_a_loop_that_runs_back_on_itself_is_one_loop(tmp_path, entry) -> None:
+    """It fits either way round, as two loops; the source then had its filament twice."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(wall("M83", THERE_AND_BACK, step=0.04))
+    job, text = read_gcode(source)
+    toolpath = replace(Toolpath.as_sliced(1), entry=np.array([entry], np.int32))
+    write_gcode(text, job, direct_actions(job, toolpath), out)
+    assert len(list(seams_of_file(read_gcode(out)[0].contours, job.contours))) == (entry != 2)
+    assert judge(out, source, "mk4s", seed=0, trials=1).faults == ()
+
+
+def test_loops_that_coincide_are_each_run_once() -> None:
+    """Both paths fit the first of them; the second was missed."""
+    once = loop(CLIPPED)
+    twice = taken(once, np.zeros(2, np.int64))
+    found = seams_of_paths([way(once, 1), way(once, 2)], twice)
+    assert [(moved.contour, moved.entry) for moved in found] == [(0, 1), (1, 2)]
 
 
 def wall(mode: str, points, *, step: float = 0.5, extra=lambda k: "") -> str:

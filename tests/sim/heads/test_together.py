@@ -126,6 +126,13 @@ def test_a_travel_that_a_file_of_many_decimals_alone_tells_passes(tmp_path: Path
     assert made.judged().faults == ()
 
 
+def test_a_travel_feed_that_is_no_whole_number_passes(tmp_path: Path) -> None:
+    """The move to the park had a rounded one; with nothing to retract the first travel kept it."""
+    layers = re.sub(r"G1 (X\d+ )?E(1|-\.6|-\.4) F.*\n", "", LAYERS).replace("F9000", "F9000.4")
+    made = Made(tmp_path, layers=layers)
+    assert made.judged().faults == ()
+
+
 def test_files_that_are_read_already_are_not_read_again(made: Made) -> None:
     """`verify` of files without their plan reads each once, to find the plan in it."""
     made.paths = [read_head_file(path) for path in made.paths]

@@ -18,7 +18,13 @@ from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
 from decmcts.formats.gcode.reading.beads import MeasuredBeads
-from decmcts.formats.gcode.reading.grouping import REFILLS, Parsed
+from decmcts.formats.gcode.reading.grouping import (
+    DOT_MM,
+    REFILLS,
+    RESTART_MM,
+    Parsed,
+    beyond_retracted,
+)
 
 DOWN_MM = 1e-3  # heights nearer than that are one
 _WHOLE: WordKey = ("", "")  # what a command sets that is said whole
@@ -33,7 +39,8 @@ def state_edges(
     """Return the contours an epoch begins at, and those that set something first, (n,) bool.
 
     The latter run one way only: reversed, what holds behind the command would hold
-    before it, and what is not set yet cannot be set back.
+    before it, and what is not set yet cannot be set back. So does a first bead that is primed
+    where it begins.
     """
     motion, runs, track = parsed.motion, parsed.runs, parsed.track
     edge, one_way = np.zeros(len(runs), np.bool_), np.zeros(len(runs), np.bool_)
@@ -53,8 +60,24 @@ def state_edges(
         edge |= within  # set within this contour: it ends its epoch
         edge[1:] |= within[:-1] | grows[end[:-1], begin[1:]]
     _mark_dots(edge, parsed)
+    one_way[0] |= _is_primed(parsed)
     edge[0] = False
     return edge, one_way
+
+
+def _is_primed(parsed: Parsed) -> bool:
+    """Tell whether the first bead is primed where it begins, behind the first layer's marker.
+
+    That push is start code: begun elsewhere, the bead would leave it behind as a dot.
+    """
+    motion, runs = parsed.motion, parsed.runs
+    if not len(parsed.track.layer_lines):
+        return False
+    before = slice(int(motion.before[runs.body]), int(runs.first[0]))
+    surplus, pushed = beyond_retracted(motion)[before], motion.extrusion[before]
+    still = (np.diff(motion.points, axis=0)[before] == 0.0).all(axis=1)
+    restarts = (pushed > surplus + DOT_MM) & (surplus <= RESTART_MM)
+    return bool((still & (surplus > DOT_MM) & ~restarts).any())
 
 
 def _mark_dots(edge: NDArray[np.bool_], parsed: Parsed) -> None:

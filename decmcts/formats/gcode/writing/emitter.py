@@ -92,7 +92,7 @@ class Emitter:
         """Move the filament alone."""
         if abs(filament) < 1e-9:
             return
-        self.emit(f"G1 E{self._count(filament)} F{self._feed_word(feed)}")
+        self.emit(f"G1 E{self._count(filament)} F{self.feed_word(feed)}")
         self.feed = feed
 
     def _count(self, filament: float, *, bead: bool = False) -> str:
@@ -114,7 +114,8 @@ class Emitter:
             return 0.0
         return self.e - float(format(self.e, self._e))
 
-    def _feed_word(self, feed: float) -> str:
+    def feed_word(self, feed: float) -> str:
+        """Return the number of an F word, mm/min, of a feed in mm/s."""
         if (known := self._feed_words.get(feed)) is not None:
             return known
         text = f"{feed * 60.0:.{max(3, self.document.decimals[2])}f}"
@@ -135,7 +136,7 @@ class Emitter:
             wiped = feed == self.feed and across and to[2] == z  # on, behind a first segment
             words.append(f"E{self._count(filament, bead=filament > 0.0 or wiped)}")
         if abs(feed - self.feed) > 1e-9:
-            words.append(f"F{self._feed_word(feed)}")
+            words.append(f"F{self.feed_word(feed)}")
         if len(words) > 1:
             self.emit(" ".join(words))
         if to != self.at:
@@ -157,7 +158,7 @@ class Emitter:
         lines = self._bead_line * len(ends) % tuple(words)
         if abs(feed - self.feed) > 1e-9:
             first, newline, rest = lines.partition(self.document.newline)
-            lines = b"%b F%b%b%b" % (first, self._feed_word(feed).encode(), newline, rest)
+            lines = b"%b F%b%b%b" % (first, self.feed_word(feed).encode(), newline, rest)
         self.lines.append(lines)
         self.at, self.feed = (words[-3], words[-2], self.at[2]), feed
 
@@ -177,7 +178,7 @@ class Emitter:
         words.append(f"J{centre[1] - self.at[1]:{self._ij}}")
         words.append(f"E{self._count(filament, bead=True)}")
         if abs(feed - self.feed) > 1e-9:
-            words.append(f"F{self._feed_word(feed)}")
+            words.append(f"F{self.feed_word(feed)}")
         self.emit(" ".join(words))
         self.leave()
         self.at, self.feed = to, feed
@@ -185,7 +186,7 @@ class Emitter:
     def set_feed(self, feed: float) -> None:
         """Set the modal feed without moving."""
         if feed > 0.0 and abs(feed - self.feed) > 1e-9:
-            self.emit(f"G1 F{self._feed_word(feed)}")
+            self.emit(f"G1 F{self.feed_word(feed)}")
             self.feed = feed
 
     def set_e(self, e: float) -> None:
@@ -320,9 +321,9 @@ class Emitter:
             self.retract()
         over = max(self.at[2], to[2] + APPROACH_MM)
         feed = self.settings.z_feed or self.travel_feed
-        self.emit(f"G1 Z{over:{self._xy}} F{self._feed_word(feed)}")
+        self.emit(f"G1 Z{over:{self._xy}} F{self.feed_word(feed)}")
         across = f"X{to[0]:{self._xy}} Y{to[1]:{self._xy}}"
-        self.emit(f"G1 {across} F{self._feed_word(self.travel_feed)}")
+        self.emit(f"G1 {across} F{self.feed_word(self.travel_feed)}")
         self.leave()
         self.at, self.feed = (to[0], to[1], over), self.travel_feed
         self.move(to, feed)

@@ -182,11 +182,11 @@ class _HeadFileWriter:
         emitter, printed = self.emitter, self.job.printed
         (x, y, z), z_feed = park, emitter.settings.z_feed or Z_FEED
         over = z if printed is None else max(z, float(printed.top.max()) + OVER_PRINTED_MM)
-        emitter.emit(f"G1 Z{over:.3f} F{z_feed * 60:.0f}")
-        emitter.emit(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
+        emitter.emit(f"G1 Z{over:.3f} F{emitter.feed_word(z_feed)}")
+        emitter.emit(f"G1 X{x:.3f} Y{y:.3f} F{emitter.feed_word(emitter.travel_feed)}")
         emitter.at, emitter.feed = park, emitter.travel_feed
         if over > z:
-            emitter.emit(f"G1 Z{z:.3f} F{z_feed * 60:.0f}")
+            emitter.emit(f"G1 Z{z:.3f} F{emitter.feed_word(z_feed)}")
             emitter.feed = z_feed
 
     def _resume(self, cursor: Cursor) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.hot_ends import refuse_cold
 from decmcts.formats.gcode.writing.own_lines import pushed_by_moves
 from decmcts.formats.gcode.writing.sync_points import SyncPoints
@@ -21,6 +22,7 @@ from decmcts.print.sync_words import SyncWords, pattern_of
 PRIMES_MM = 0.1  # of filament; less primes nothing
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _NAMED_STATE = re.compile(r"M(221|900)(?= ).* T\d", re.I)
+_NAMED_DRIVE = re.compile(r"(M572(?= ).* D\d|SET_PRESSURE_ADVANCE .*EXTRUDER)", re.I)
 _ORIGIN = re.compile(rb"^[ \t]*+(?:N\d++[ \t]*+)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
 
 
@@ -32,8 +34,8 @@ def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -
     """
     _refuse_words(document, machine.words)
     refuse_own_moves(document, job)
-    _refuse_named_states(document)
     tools = np.unique(job.contours.tool).tolist()
+    _refuse_named_states(document, tools)
     for head in machine.heads:
         _refuse_tools(document, head.name, [t for t in tools if not head.tools or t in head.tools])
     refuse_cold(document, job)
@@ -70,18 +72,38 @@ def _refuse_tools(document: GcodeDocument, head: str, tools: list[int]) -> None:
         )
 
 
-def _refuse_named_states(document: GcodeDocument) -> None:
-    """Raise InputError for what sets a state of a tool by its name: a head has but one."""
-    for text in document.states.values:
-        if _NAMED_STATE.match(text):
-            rows = document.preamble.decode("utf-8", "surrogateescape").split("\n")
-            at = next((k for k, row in enumerate(rows, 1) if row.startswith(text)), None)
-            raise InputError(
-                f"'{text}' names the tool whose setting it is, and a head of several has one",
-                path=document.path,
-                line=at,
-                advice="leave its T out",
-            )
+def _refuse_named_states(document: GcodeDocument, tools: list[int]) -> None:
+    """Raise InputError for what sets a state of a tool by its name: a head has but one.
+
+    The name of its drive may stand in the start code, which all heads have, and may be that of a
+    lone tool 0: this is the tool in use in a file that chooses none.
+    """
+    texts = [text for text in document.states.values if _NAMED_STATE.match(text)]
+    if tools != [0]:
+        texts += [text for text in _changing(document) if _NAMED_DRIVE.match(text)]
+    if texts:
+        raise InputError(
+            f"'{texts[0]}' names the tool whose setting it is, and a head of several has one",
+            path=document.path,
+            line=_line_of(document, texts[0]),
+            advice="leave it out, or the word that names the tool",
+        )
+
+
+def _changing(document: GcodeDocument) -> Iterator[str]:
+    """Yield what is in force at beads where the start code has left something else."""
+    states = document.states
+    used = states.rows[np.unique(document.point_state)]
+    for column, begun in zip(used.T, states.rows[document.start.state], strict=True):
+        texts = {states.values[value] for value in column.tolist()}
+        yield from sorted(texts - {states.values[begun]})
+
+
+def _line_of(document: GcodeDocument, text: str) -> int | None:
+    """Return the first line of the source that begins with a text, from 1."""
+    source = document.text or load_text(document.path, document.plate)
+    rows = enumerate(source.decode("utf-8", "surrogateescape").splitlines(), 1)
+    return next((k for k, row in rows if row.startswith(text)), None)
 
 
 def refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:

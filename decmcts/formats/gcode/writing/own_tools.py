@@ -39,7 +39,7 @@ from decmcts.formats.gcode.writing.hot_ends import (
     unknown_row,
 )  # fmt: skip
 from decmcts.formats.gcode.writing.parts import without_blocks
-from decmcts.print.idle import Practice
+from decmcts.print.idle import UNLOAD_MM, Practice
 from decmcts.print.job import PrintJob
 
 _QUIET = re.compile(
@@ -49,7 +49,6 @@ _FACTOR = re.compile(rb"M220(?![0-9.])", re.I)  # the speed's: what is in force,
 DIGITS = 5  # of filament, as many as files have
 MOST_MM = 2.0  # of filament that a change pushes or pulls in all; more is a purge, or a macro's
 PRIMES_MM = 0.01  # of filament; less is rounding
-UNLOAD_MM = 20.0  # of filament; who pulls more takes it out of the hot end
 ALIKE_MM = 2e-3  # by which what primes a tool may differ: what files of three decimals round off
 _PLACES = re.compile(r"\d+ places? nothing is moved across$")
 

@@ -163,6 +163,14 @@ def test_what_primes_the_nozzle_before_the_first_bead_is_start_code(contours):
     assert len(c) == 3
 
 
+@pytest.mark.parametrize(("pulled", "tied"), [("", True), ("G1 E-0.8 F2400\n", False)])
+def test_a_bead_that_is_primed_where_it_begins_stays_as_sliced(contours, pulled, tied):
+    """The start code primes there; entered elsewhere the push was read as a dot, and refused."""
+    bead = "G0 X0 Y0 Z0.3 F8000\nG1 E0.8 F2400\nG1 X15 E0.6 F1200\n"
+    c, _ = contours(";LAYER_CHANGE\n" + bead + NEXT, start=START + pulled)
+    assert c.reversible.tolist() == [not tied, True]
+
+
 def test_a_print_of_dots_alone(contours):
     """Nothing of it goes across the bed."""
     text = "".join(DOT.replace("X7", f"X{x}") for x in range(10, 60, 10))
