@@ -27,7 +27,8 @@ from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
 from sim.files.commands import accepted, is_move, known_settings
-from sim.files.written import moves_of, source_text
+from sim.files.extent import check_filament_feeds
+from sim.files.written import check_line_numbers, moves_of, source_text
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import heat_due, heats_early, unheated
@@ -207,8 +208,16 @@ def walk_file(
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
-    arcs = _check_arcs(file, part, actions, waited, turns_of_print(job, document))
-    return Walked(whole, part, walk, faults + arcs, idling)
+    seen = check_line_numbers(file.numbered) + _check_feeds(file, document)
+    faults += [Fault(fault.kind, where + fault.text) for fault in seen]
+    faults += _check_arcs(file, part, actions, waited, turns_of_print(job, document))
+    return Walked(whole, part, walk, faults, idling)
+
+
+def _check_feeds(file: HeadFile, document: GcodeDocument) -> list[Fault]:
+    """Check the feeds of filament alone; those of travels and beads are compared on the walk."""
+    source = moves_of(document)
+    return [] if source is None else check_filament_feeds(file.motion, source, above=1)
 
 
 def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:
