@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.incumbent import whole_order
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.plans import StatedOrder
@@ -149,16 +150,14 @@ class TeamIncumbent(JointIncumbent):
             If `order` has not each contour once, or shapes or heads are wrong.
         """
         n, heads = len(self.problem.job.contours), self._heads
-        order, head = np.asarray(order), np.asarray(head)
+        order, head = whole_order(order, n), np.asarray(head)
         turned = np.zeros(n, np.bool_) if reversed is None else np.asarray(reversed) > 0
-        if not np.array_equal(np.sort(order, axis=None), np.arange(n)):
-            raise InputError(f"order has not each of {n} contours once")
         for name, given in (("head", head), ("reversed", turned)):
             if given.shape != (n,):
                 raise InputError(f"{name} has shape {given.shape}, expected ({n},)")
         if not np.isin(head, np.arange(heads)).all():
             raise InputError(f"head names one outside 0..{heads - 1}")
-        stated = StatedOrder(order.astype(np.int32), turned, head.astype(np.int64))
+        stated = StatedOrder(order, turned, head.astype(np.int64))
         found = as_stated(self.problem, stated, range(heads))
         makespan_s = np.inf if found is None else found.makespan_s
         self.offer_toolpaths(() if found is None else found.toolpaths, makespan_s)

@@ -158,6 +158,8 @@ def _lessened(head: Head, ours: Head) -> Head:
 def _check_head(ours: Head, named: Head, *, alone: bool) -> list[Fault]:
     if alone and ours.park[:2] == named.park[:2] and ours.park[2] > named.park[2]:
         named = replace(named, park=ours.park)
+    if not named.tools:  # as of presets; then `launch` was told
+        named = replace(named, tools=ours.tools)
     return [
         _differs(f"head {ours.name}: {field.name}", *pair)
         for field in fields(Head)

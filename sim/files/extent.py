@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from decmcts.formats.gcode import Motions
+from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.print.contours import Contours, Role
-from decmcts.print.job import ProcessSettings
+from decmcts.print.job import DEFAULT_TRAVEL, ProcessSettings
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Flags, Floats, Ints
@@ -69,33 +70,43 @@ def check_file_extent(motions: Motions, source: Motions, machine: Machine) -> li
 def check_file_feeds(motions: Motions, source: Motions, machine: Machine) -> list[Fault]:
     """Check the feeds of moves that lay nothing; those of beads are compared bead by bead.
 
-    Filament alone is pushed and pulled within the range of feeds in which the source does that, and
-    no travel is faster than the source's fastest, or than the machine's usual travels. No move is
+    Filament alone is pushed and pulled within the range of feeds in which the source does that.
+    No travel is faster than the source's fastest, or than the machine's usual travels, and none is
+    slower than the source's slowest: a hot nozzle that creeps over the print spoils it. No move is
     made at feed 0 that the source does not make so: a file's first moves may come before any F, and
     those are the source's.
     """
-    faults = _feedless_moves(motions, source)
-    if len(due := np.asarray(source.feed)[_filament_alone(source)]):
-        low, high = min(float(due.min()), UNKNOWN_FEED), max(float(due.max()), UNKNOWN_FEED)
-        faults += _outside(motions, _filament_alone(motions), low, high, "moves filament alone")
+    faults = _feedless_moves(motions, source) + check_filament_feeds(motions, source)
     if len(due := np.asarray(source.feed)[_travels(source)]):
-        high = max(float(due.max()), machine.limits.travel_feed)
-        faults += _outside(motions, _travels(motions), 0.0, high, "travels")
+        usual = machine.limits.travel_feed
+        low, high = min(float(due.min()), usual, DEFAULT_TRAVEL), max(float(due.max()), usual)
+        faults += _outside(motions, _travels(motions), low, high, "travels")
     return faults
 
 
-def _outside(motions: Motions, rows: Ints, low: float, high: float, what: str) -> list[Fault]:
+def check_filament_feeds(motions: Motions | Motion, source: Motions, above: int = 0) -> list[Fault]:
+    """Check the feeds of moves of filament alone; `above` is the number of lines above line 0."""
+    if not len(due := np.asarray(source.feed)[_filament_alone(source)]):
+        return []
+    low, high = min(float(due.min()), UNKNOWN_FEED), max(float(due.max()), UNKNOWN_FEED)
+    rows = _filament_alone(motions)
+    return _outside(motions, rows, low, high, "moves filament alone", above)
+
+
+def _outside(
+    motions: Motions | Motion, rows: Ints, low: float, high: float, what: str, above: int = 0
+) -> list[Fault]:
     """Return a fault for each of these moves whose feed is not in a range."""
     feed = np.asarray(motions.feed)[rows]
     bad = (feed < low * (1.0 - FEED_SHARE)) | (feed > high * (1.0 + FEED_SHARE))
     lines = [
-        f"line {motions.line[i]} {what} at {v:.3f} mm/s; {low:.3f} to {high:.3f} are due"
+        f"line {motions.line[i] + above} {what} at {v:.3f} mm/s; {low:.3f} to {high:.3f} are due"
         for i, v in zip(rows[bad][:LIMIT].tolist(), feed[bad][:LIMIT].tolist(), strict=True)
     ]
     return listed(FaultKind.FEED, lines, total=int(bad.sum()))
 
 
-def _filament_alone(motions: Motions) -> Ints:
+def _filament_alone(motions: Motions | Motion) -> Ints:
     """Return the moves of filament on the spot, but for what rounding leaves of a bead."""
     still = (np.diff(motions.points, axis=0) == 0.0).all(axis=1)
     pushed = np.abs(np.asarray(motions.extrusion)) > DOT_MM

@@ -9,7 +9,7 @@ source does, and no written move touches the print.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -115,10 +115,12 @@ def _verify(
     if matched.is_other:
         return matched.verdict()
     faults = written.faults + _check_text(written, source, (job, document), matched, taken)
+    faults += _check_stands(written.text, motions, matched)
     if actions is not None:
         faults += _check_waits(written.text, motions, matched.laid, actions)
     verdict = matched.verdict(faults)
-    return replace(verdict, faults=(*check_line_numbers(path, plate), *verdict.faults))
+    numbered = check_line_numbers(line_with_number(path, plate))
+    return replace(verdict, faults=(*numbered, *verdict.faults))
 
 
 def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Verdict:
@@ -133,9 +135,9 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     return check_moves(moves, moves, machine, job=job).verdict(checked=checked)
 
 
-def check_line_numbers(path: Path | str, plate: int | None) -> list[Fault]:
-    """Check that no line has a number: none is read here, so none may be written."""
-    if (line := line_with_number(path, plate)) is None:
+def check_line_numbers(line: int | None) -> list[Fault]:
+    """Check that no line has a number, the first as given: none is read, so none may be written."""
+    if line is None:
         return []
     text = f"line {line} has a line number, and a firmware stops where the next is another"
     return [Fault(FaultKind.COMMAND, text)]
@@ -209,6 +211,31 @@ def source_text(document: GcodeDocument) -> bytes | None:
     return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
 
 
+def _check_stands(text: bytes, motions: Motions, matched: Matched) -> list[Fault]:
+    """Check that the file never stands still within a contour: a hot nozzle leaves a blob there."""
+    line = np.asarray(motions.line)[matched.laid]
+    dwells = np.array([n for n, _ in _dwells(text)], np.int64)
+    next_bead = np.searchsorted(line, dwells)
+    within = (next_bead > 0) & (next_bead < len(line))
+    dwells, next_bead = dwells[within], next_bead[within]
+    before, contour = matched.contour[next_bead - 1], matched.contour[next_bead]
+    same = (before == contour) & (contour >= 0)
+    lines = [
+        f"line {n} stands still within contour {of}"
+        for n, of in zip(dwells[same].tolist(), contour[same].tolist(), strict=True)
+    ]
+    return listed(FaultKind.COMMAND, lines)
+
+
+def _dwells(text: bytes) -> Iterator[tuple[int, float]]:
+    """Yield line, from 1, and seconds of each dwell."""
+    at, n = 0, 1
+    for dwell in DWELL.finditer(text):
+        n += text.count(b"\n", at, dwell.start())
+        at = dwell.start()
+        yield n, int(dwell[1]) / 1000.0
+
+
 def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions) -> list[Fault]:
     """Check that the file stands still wherever the plan waits, as long, before the same bead.
 
@@ -218,12 +245,9 @@ def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions
         return []
     line = np.asarray(motions.line)[laid]
     stood: dict[int, float] = {}  # seconds before each laying move
-    at, n = 0, 1
-    for dwell in DWELL.finditer(text):
-        n += text.count(b"\n", at, dwell.start())
-        at = dwell.start()
+    for n, seconds in _dwells(text):
         k = int(np.searchsorted(line, n))
-        stood[k] = stood.get(k, 0.0) + int(dwell[1]) / 1000.0
+        stood[k] = stood.get(k, 0.0) + seconds
     dwells = [(motions.points[laid[k]], seconds) for k, seconds in stood.items() if k < len(laid)]
     lines, due, used = [], 0.0, 0
     waits, prints = (actions.kind == kind for kind in (ActionKind.WAIT, ActionKind.PRINT))

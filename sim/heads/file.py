@@ -15,7 +15,7 @@ from pathlib import Path
 from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
-from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.files.commands import codes_of, no_moves
 from sim.heads.heat import SELECTS, heat_of
@@ -76,6 +76,7 @@ class HeadFile:
     rest: NumberedCommands  # all that is no sync point
     others: NumberedCommands  # those of them that are no plain moves
     rests: FileWaits
+    numbered: int | None  # the first line that has a line number, from 1; numbers are not read
 
     def row(self, line: int) -> bytes:
         """Return a line (from 1) as it stands."""
@@ -95,7 +96,10 @@ def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile
     name, place = header_of(lines.text)
     syncs, rest, others = _parted(lines, Reader(words, place[0]))
     track, rests = track_state(lines, motion), FileWaits.of(syncs, others)
-    return HeadFile(str(path), name, place, lines, motion, track, syncs, rest, others, rests)
+    return HeadFile(
+        str(path), name, place, lines, motion, track, syncs, rest, others, rests,
+        line_with_number(path),
+    )  # fmt: skip
 
 
 def header_of(text: bytes) -> tuple[str, tuple[int, int]]:

@@ -23,6 +23,8 @@ from sim.arrays import Floats
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, listed
 from sim.files.commands import accepted, is_move, known_settings
+from sim.files.extent import check_filament_feeds
+from sim.files.written import check_line_numbers, moves_of
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands
 from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idling, check_idle
@@ -91,9 +93,11 @@ def walk_file(
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
+    seen = check_line_numbers(file.numbered) + _check_feeds(file, document)
+    faults += [Fault(fault.kind, where + fault.text) for fault in seen]
     part = replace(part, blocks=tuple(map(tuple, blocks)))
-    arcs = _check_arcs(file, part, actions, waited, turns_of_print(job, document))
-    return Walked(whole, part, walk, faults + arcs, idling)
+    faults += _check_arcs(file, part, actions, waited, turns_of_print(job, document))
+    return Walked(whole, part, walk, faults, idling)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +177,12 @@ def _begin_of_end(file: HeadFile, document: GcodeDocument, due: _Due, part: File
     """Return the row at which the source's end code begins, comments of it too."""
     above = min(part.end_code, _below_end(file)) - 1
     return begin_of_verbatim(file.lines.raw, above, document.postamble, due.of_end)
+
+
+def _check_feeds(file: HeadFile, document: GcodeDocument) -> list[Fault]:
+    """Check the feeds of filament alone; those of travels and beads are compared on the walk."""
+    source = moves_of(document)
+    return [] if source is None else check_filament_feeds(file.motion, source, above=1)
 
 
 def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:

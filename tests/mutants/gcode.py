@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
+from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from tests.mutants.catalogue import Mutant, NotHereError, pick
 from tests.mutants.gcode_lines import (
     ARC,
@@ -92,6 +94,13 @@ def no_feed(lines: Lines, rng: Rng) -> None:
     lines[k] = re.sub(r" F\S+", "", lines[k]) + " F0"
 
 
+def own_dwell_within(lines: Lines, rng: Rng) -> None:
+    """Let the head wait for cooling between two beads of one contour."""
+    beads = rows_of(lines, BEAD)
+    at = pick([b for a, b in pairwise(beads) if b == a + 1], rng)
+    lines.insert(at, f"G4 P600000 {WAIT_MARK}")
+
+
 def with_carriage_returns(lines: Lines, rng: Rng) -> None:
     """End lines as on Windows."""
     lines[:] = [line + "\r" for line in lines]
@@ -144,6 +153,7 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
     Mutant("more priming", change(PRIME, r"E0\.8", "E1.8")),
     Mutant("a retraction a hundred times as fast", change(RETRACT, r" F\d+", " F210000")),
     Mutant("a retraction that takes a minute", change(RETRACT, r" F\d+", " F1")),
+    Mutant("a travel that takes hours", change(TRAVEL, r"( F\d+)?$", " F1")),
     Mutant("a travel ten times as fast", change(TRAVEL, r" F\d+", " F90000")),
     Mutant("a fan line gone", remove(r"^M106")),
     Mutant("another fan speed", change(r"^M106", r"S\d+", "S13")),
@@ -165,6 +175,9 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
     Mutant("relative positions within a contour", within("G91")),
     Mutant("a home within a contour", within("G28")),
     Mutant("a dwell within a contour", within("G4 S30")),
+    Mutant("a word twice in a bead", change(BEAD, r"X", "X5 X")),
+    Mutant("a word twice in a travel", change(TRAVEL, r"Y", "Y5 Y")),
+    Mutant("a dwell within a contour, said to be our own", own_dwell_within),
     Mutant("a line number", change(BEAD, "^", "N7 ")),
     Mutant("a move behind a lone carriage return", within("; a comment\rG1 X50 Y50 E5")),
     Mutant("an unclosed bracket", change(BEAD, r" E", " ( E")),

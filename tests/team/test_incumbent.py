@@ -46,7 +46,9 @@ def test_the_best_of_what_is_offered_is_kept_and_the_judge_accepts_it(incumbent)
 
 
 @pytest.mark.parametrize("name", ["order", "head", "reversed"])
-@pytest.mark.parametrize("wrong", [None, 1, "1", np.zeros(3, np.int32), np.full(48, 2.5)])
+@pytest.mark.parametrize(
+    "wrong", [None, 1, "1", np.zeros(3, np.int32), np.full(48, 2.5), np.arange(48)[None]]
+)
 def test_what_is_no_order_is_named(incumbent, name: str, wrong: object) -> None:
     """A planner under construction offers all sorts of things."""
     order, head = in_halves(incumbent)

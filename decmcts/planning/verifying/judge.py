@@ -10,7 +10,7 @@ from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.text.source_text import has_plates, load_text
+from decmcts.formats.gcode.text.source_text import has_plates, line_with_number, load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.planning.events import Note, Report, unheard
@@ -115,7 +115,8 @@ def judge(
     verdict = verify_same(job, document, chosen)
     if read_bytes(result) == read_bytes(source):  # what a slicer wrote may have line numbers
         return verdict
-    return replace(verdict, faults=(*check_line_numbers(result, of_result), *verdict.faults))
+    numbered = check_line_numbers(line_with_number(result, of_result))
+    return replace(verdict, faults=(*numbered, *verdict.faults))
 
 
 def judge_plan(

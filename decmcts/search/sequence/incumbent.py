@@ -14,6 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arguments import checked
+from decmcts.errors import InputError
 from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Progress, Stopping
@@ -109,12 +111,18 @@ class Incumbent:
 
         Raises
         ------
+        InputError
+            If `order` has not each contour once, or a shape is wrong.
         RuntimeError
             If a better sequence breaks the dependency graph: a fault of the planner.
         """
         seams = self.problem.seams
         if entry_id is None:
             entry_id = self.entry_id if seams is None else seams.sliced
+        order = whole_order(order, len(self.problem))
+        for name, given in (("is_reversed", is_reversed), ("entry_id", entry_id)):
+            if given.shape != order.shape:
+                raise InputError(f"{name} has shape {given.shape}, expected {order.shape}")
         cost = visits_cost(self.metric, order, is_reversed, entry_id)
         if cost >= self.cost:
             return False
@@ -133,8 +141,16 @@ class Incumbent:
         self._history.append((self._improved_at_s, self.iterations, cost))
         return True
 
+    @checked
     def offer_order(self, order: NDArray[np.int32]) -> bool:
-        """Offer an order with the directions and entries that suit it best."""
+        """Offer an order, (n,), with the directions and entries that suit it best.
+
+        Raises
+        ------
+        InputError
+            If it has not each contour once.
+        """
+        order = whole_order(order, len(self.problem))
         return self.offer(order, *self.problem.visits_for(self.metric, order))
 
     def prove(self, bound: float) -> None:
@@ -163,6 +179,20 @@ class Incumbent:
             yield
         finally:
             self.stopping, self._ended = usual, usual.ends(self.seconds, self.iterations)
+
+
+def whole_order(order: NDArray[np.int32], n: int) -> NDArray[np.int32]:
+    """Return an order of n contours as kernels read it.
+
+    Raises
+    ------
+    InputError
+        If it has not each of them once.
+    """
+    given = np.asarray(order)
+    if given.shape != (n,) or not np.array_equal(np.sort(given), np.arange(n)):
+        raise InputError(f"order has not each of {n} contours once")
+    return given.astype(np.int32)
 
 
 def _allowed(entry_id: NDArray[np.int32], seams: Seams) -> bool:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from decmcts.errors import InputError
 from decmcts.search.sequence.greedy import Greedy
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Progress, Stopping
@@ -87,3 +89,36 @@ def test_it_knows_who_found_the_best_sequence() -> None:
     assert incumbent.offer(*found, by="beam")
     assert not incumbent.offer(*found, by="annealing")
     assert incumbent.found_by == "beam"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        np.arange(8),
+        np.arange(9) + 1,
+        np.arange(9) - 1,
+        np.arange(9) + 0.5,
+        np.arange(9) * 2**40,
+        np.zeros(9, np.int32),
+        np.arange(9)[None],
+        "order",
+        None,
+    ],
+)
+def test_what_is_no_order_is_named(wrong: object) -> None:
+    """Kernels trust their callers: a number beyond the contours once ended the process."""
+    incumbent = begun(Stopping(iterations=10))
+    with pytest.raises(InputError, match="order"):
+        incumbent.offer_order(wrong)
+    if isinstance(wrong, np.ndarray):
+        with pytest.raises(InputError, match="order"):
+            incumbent.offer(wrong, np.zeros(9, np.uint8))
+    with pytest.raises(InputError, match="is_reversed"):
+        incumbent.offer(np.arange(9, dtype=np.int32), np.zeros(3, np.uint8))
+
+
+def test_an_order_may_be_of_any_numbers_that_are_whole() -> None:
+    for order in (np.arange(9.0), list(range(9)), np.arange(9, dtype=np.uint8)):
+        incumbent = begun(Stopping(iterations=10))
+        incumbent.offer_order(order)
+        assert incumbent.order.tolist() == list(range(9))

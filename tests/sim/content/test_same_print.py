@@ -36,7 +36,6 @@ SMALL = (Slice(0.0, (np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]),)),)
         (head_with(bodies=(Body("beam", (-1.0, -1.0, 1.0), (1.0, 1.0, 2.0)),)), "bodies"),
         (head_with(park=(-40.0, 50.0, 30.0)), "head left: park"),
         (head_with(reach_min=(0.0, 0.0, 0.0)), "head left: reach_min"),
-        (head_with(tools=(1,)), "head left: tools"),
         (head_with(limits=MotionLimits(travel_feed=99.0)), "head left: limits"),
         (lambda m: replace(m, release="point"), "release"),
         (head_with(name="other"), "heads"),
@@ -49,6 +48,15 @@ def test_a_plan_for_another_machine_names_the_field(make, change, field):
     (fault,) = check_machine(change(machine), machine, None)
     assert fault.kind == K.MACHINE
     assert fault.text.startswith(field) or field in fault.text
+
+
+def test_tools_count_where_the_machine_named_has_some(make):
+    """Presets name none: then `launch` was told with `--tool` what each head prints with."""
+    preset = make.two_head_machine()
+    ours = head_with(tools=(1,))(preset)
+    assert check_machine(ours, preset, None) == []
+    (fault,) = check_machine(ours, head_with(tools=(0,))(preset), None)
+    assert fault.text.startswith("head left: tools")
 
 
 def test_one_head_of_several_and_a_higher_park(make):

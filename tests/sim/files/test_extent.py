@@ -147,7 +147,7 @@ def test_no_travel_is_faster_than_the_source_s_or_the_machine_s(make):
     source = motions([HOME, HOME, A, B, A], [0, 50, 60, 50])
     limits = make.one_head_machine().limits
     machine = replace(make.one_head_machine(), limits=replace(limits, travel_feed=55.0))
-    for feed in (30, 60):
+    for feed in (50, 60):
         ours = motions([HOME, HOME, A, B, A], [0, 50, feed, 50])
         assert check_file_feeds(ours, source, machine) == []
     ours = motions([HOME, HOME, A, B, A], [0, 50, 61, 50])
@@ -155,3 +155,12 @@ def test_no_travel_is_faster_than_the_source_s_or_the_machine_s(make):
     assert fault.kind == K.FEED and fault.text.startswith("line 3 travels at 61")
     swift = replace(machine, limits=replace(limits, travel_feed=70.0))
     assert check_file_feeds(ours, source, swift) == []
+
+
+def test_no_travel_is_slower_than_the_source_s(make):
+    """A feed in mm/s for one in mm/min has a hot nozzle creep over the print for minutes."""
+    machine = make.one_head_machine()
+    source = motions([HOME, HOME, A, B, A], [0, 50, 60, 50])
+    ours = motions([HOME, HOME, A, B, A], [0, 50, 1, 50])
+    (fault,) = check_file_feeds(ours, source, machine)
+    assert fault.kind == K.FEED and fault.text.startswith("line 3 travels at 1.000 mm/s")

@@ -76,6 +76,20 @@ def test_each_slip_of_a_writer_is_seen(made, old, new, kind):
     assert kind in judged(made).kinds()
 
 
+def test_a_wait_within_a_contour_is_seen(tmp_path):
+    """A hot nozzle that stands on a bead for minutes leaves a blob; before a bead it may wait."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    halves = TOWERS.replace("G1 X110 E.4 F1800", "G1 X105 E.2 F1800\nG1 X110 E.2")
+    source.write_text(START + "G1 E-1 F2400\n" + halves + END)
+    job, document = read_gcode(source)
+    write_gcode(document, job, direct_actions(job, Toolpath.as_sliced(len(job.contours))), out)
+    text, wait = out.read_text(), "G4 P600000 ; decmcts waits for cooling\n"
+    for line, seen in (("G1 X105.000", set()), ("G1 X110.000", {FaultKind.COMMAND})):
+        at = text.index(line)
+        out.write_text(text[:at] + wait + text[at:])
+        assert judged((job, document, out)).kinds() == seen
+
+
 STOPS = "; stop printing object b id:1 copy 0\n"
 LABELLED_ENDS = [
     STOPS + END,

@@ -255,6 +255,11 @@ BROKEN = {
     ),
     "the end code cut off": lambda t: t[: t.index("M104 S0")],
     "broken off in the middle": lambda t: t[: len(t) // 2],
+    "a line with a number": lambda t: cut(t, nth(t, BEAD, 1), "N7 " + nth(t, BEAD, 1)[0]),
+    "a wait with a number": lambda t: cut(t, waits(t)[2], "N7 " + waits(t)[2][0]),
+    "a slow retraction": lambda t: cut(
+        t, nth(t, r"^G1 E-\S+ F2400\n", 1), nth(t, r"^G1 E-\S+ F2400\n", 1)[0].replace("F24", "F")
+    ),
     "a tool chosen": lambda t: cut(t, nth(t, BEAD, 1), "T1\n" + nth(t, BEAD, 1)[0]),
 }  # fmt: skip
 

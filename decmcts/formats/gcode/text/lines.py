@@ -34,6 +34,7 @@ _FAULTS = {
     scan.BAD_NUMBER: "a number that cannot be read",
     scan.BAD_CHARACTER: "a character that is no parameter",
     scan.EXPONENT: EXPONENT,
+    scan.TWICE: "a word that stands twice, of which firmwares take the first or the last",
 }
 
 

@@ -7,6 +7,7 @@ mean is not decided here.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ BAD_NUMBER = 2  # 1.2.3
 EXTRA_AXIS = 3  # A, B, C, U, V, W on a move
 BAD_CHARACTER = 4
 EXPONENT = 5  # 1e5: one number to some firmwares, 1 and a word E5 to others
+TWICE = 6  # X1 X2: firmwares take the first or the last
 
 
 @kernel
@@ -142,6 +144,8 @@ def _parameters(
         if column == -2 and strict:
             return EXTRA_AXIS
         if column >= 0:
+            if strict and not math.isnan(values[column]):
+                return TWICE
             values[column] = value
             if places > decimals[column]:
                 decimals[column] = places
