@@ -8,8 +8,9 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.planning.events import unheard
+from decmcts.planning.events import Report, unheard
 from decmcts.planning.options import Freedom, ProcessOrder, Rules
+from decmcts.planning.problem.fewer_changes import with_fewer_changes
 from decmcts.planning.problem.layer_by_layer import safe_problem
 from decmcts.planning.problem.own_tools import towerless
 from decmcts.planning.problem.source import Source
@@ -42,7 +43,8 @@ def is_made_from(document: PlanDocument, job: PrintJob, text: GcodeDocument) -> 
 def source_of(document: PlanDocument, named: Source) -> Source:
     """Return a source as a plan was made of it.
 
-    Without its wipe tower if the plan has none; in a safe order where the source's own is none.
+    Without its wipe tower if the plan has none; in a safe order where the source's own is none;
+    with as few changes of tools.
 
     Raises
     ------
@@ -62,21 +64,33 @@ def source_of(document: PlanDocument, named: Source) -> Source:
     )
 
 
-def in_safe_order(document: PlanDocument, named: Source) -> Source:
-    """Return a source layer by layer where a plan was made of that, else as it is."""
+def as_planned_anew(document: PlanDocument, named: Source) -> Source:
+    """Return a source in the order that a plan was made of where that is another, else as it is.
+
+    That is layer by layer, or with fewer changes of tools.
+    """
     return _as_made(document, named) or named
 
 
 def _as_made(document: PlanDocument, named: Source) -> Source | None:
-    """Return a source as it is, or layer by layer: what a plan was made of; None: of neither."""
+    """Return a source as it is, layer by layer, or with fewer changes of tools.
+
+    What a plan was made of; None: of none of these.
+    """
     if is_made_from(document, named.job, named.document):
         return named
     if len(named.job.contours) == _count(document):
-        with suppress(InputError):
-            found = safe_problem(named, rules_of(document), unheard).source
-            if is_made_from(document, found.job, found.document):
-                return found
+        for reading in (_safe, with_fewer_changes):
+            with suppress(InputError):
+                found = reading(named, rules_of(document), unheard)
+                if is_made_from(document, found.job, found.document):
+                    return found
     return None
+
+
+def _safe(named: Source, rules: Rules, report: Report) -> Source:
+    """Return a source layer by layer where its own order is not safe."""
+    return safe_problem(named, rules, report).source
 
 
 def _count(document: PlanDocument) -> int:

@@ -336,6 +336,8 @@ def replan(
         When the judge refuses the plan; nothing of it is written then.
     """
     heads = len(rest.source.machine.heads)
+    if writes:
+        _refuse_several_tools(rest)
     if heads == 1:
         search = replace(search, cut=Cut.NONE)
     waiting = crew_started(heads) if agents is None else nullcontext(None)
@@ -350,6 +352,19 @@ def replan(
             problem, search, writes=writes, report=reporting, stop=stop, agents=agree
         )  # fmt: skip
         return Result(planned, search)
+
+
+def _refuse_several_tools(rest: Rest) -> None:
+    """Raise InputError where a head would change its tool: files of heads have one each."""
+    tools = np.unique(rest.source.job.contours.tool).tolist()
+    for head in rest.source.machine.heads:
+        mine = [tool for tool in tools if not head.tools or tool in head.tools]
+        if len(mine) > 1:
+            raise InputError(
+                f"what is left for head {head.name} is of tools {' and '.join(map(str, mine))}, "
+                "and files of a rest have one tool a head",
+                advice="name --plan FILE in place of -o: what is left is planned then, and no file written",
+            )
 
 
 def rest_problem(rest: Rest, rules: Rules, report: Report = unheard) -> PrintProblem:

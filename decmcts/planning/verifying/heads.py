@@ -12,7 +12,7 @@ from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import is_mesh
-from decmcts.planning.problem.made_from import in_safe_order
+from decmcts.planning.problem.made_from import as_planned_anew
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.problem.source import Source
 from decmcts.planning.verifying.held import Held
@@ -68,12 +68,12 @@ def read_as_asked(
 def read_as_planned(
     plan: PlanDocument, source: Path, plate: int | None, *, without_tower: bool
 ) -> Source:
-    """Read a source as asked, and layer by layer where its plan was made of that.
+    """Read a source as asked, in the order its plan was made of.
 
     What is read stands in a folder that is gone with the source that is returned.
     """
     job, document = read_as_asked(source, plate, without_tower=without_tower)
-    return in_safe_order(plan, Source(source, job, document, plan.machine, plate=plate))
+    return as_planned_anew(plan, Source(source, job, document, plan.machine, plate=plate))
 
 
 def judge_heads(paths: Sequence[Path], source: Source, plan: PlanDocument) -> Verdict:

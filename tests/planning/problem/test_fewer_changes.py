@@ -104,3 +104,20 @@ def test_waits_for_cooling_count_by_the_source_that_was_given(
     assert said["after"]["waits_s"] > 5.0
     _, out = planned(tmp_path, capfd, two_colours(), "--min-layer-time", "60")
     assert out.count("\nT") == two_colours().count("\nT")
+
+
+@pytest.mark.slow
+def test_its_plan_is_known_as_the_source_s(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """plan.json numbers contours by another order than the source, which was taken for faults."""
+    plan, source = str(tmp_path / "plan.json"), str(tmp_path / "in.gcode")
+    said, _ = planned(tmp_path, capfd, two_colours(), "--plan", plan)
+    assert said["after"]["tool_changes"] == 2
+    assert run(["verify", plan, "--source", source]) == 0
+    rest = ["replan", plan, "--source", source, "--layer", "1", "--time-limit", "0.5"]
+    assert run([*rest, "--plan", str(tmp_path / "left.json")]) == 0
+    capfd.readouterr()
+    assert run([*rest, "-o", str(tmp_path / "rest")]) == 2
+    line = capfd.readouterr().err.strip().splitlines()[-1]
+    assert (
+        "tools 0 and 1" in line and "one tool a head" in line and not list(tmp_path.glob("rest*"))
+    )
