@@ -6,8 +6,8 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -152,7 +152,29 @@ def rest_of(
     VerificationError
         Where what is written of the rest is not what is left of the print.
     """
-    source = source_of(document, source)
+    with _named(source.path):
+        return _rest_of(
+            document, source_of(document, source), state, fenced, left_beads, report, slower or {},
+            print_with or {},
+        )  # fmt: skip
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Name a print in an InputError raised in the body that names a draft made of it."""
+    try:
+        yield
+    except InputError as error:
+        if error.path in (None, str(path)):
+            raise
+        raise InputError(error.what, path=path, advice=error.advice) from error
+
+
+def _rest_of(
+    document: PlanDocument, source: Source, state: PrintState, fenced: Mapping[str, Stands],
+    left_beads: LeftBeads, report: Report, slower: Mapping[str, float],
+    print_with: Mapping[int, int],
+) -> Rest:  # fmt: skip
     job = source.job
     broken = broken_beads(document, job, state, left_beads)
     left_open = ~state.done
@@ -160,9 +182,9 @@ def rest_of(
     whole, at = document.machine, dict(fenced)
     if document.fenced is not None:
         whole, at = document.fenced.machine, {**document.fenced.at, **at}
-    whole = slowed(whole, slower or {})
+    whole = slowed(whole, slower)
     machine = living_machine(whole, at, document.contours)
-    other = needed(print_with or {}, machine, document.contours)
+    other = needed(print_with, machine, document.contours)
     left = left_out(document, left_open, _able(job, machine, other, document.contours))
     rows = left_open & ~left.rows
     stretches = _to_print(document, job, rows, broken, partial(_able, job, machine, other))
@@ -363,7 +385,7 @@ def _refuse_several_tools(rest: Rest) -> None:
             raise InputError(
                 f"what is left for head {head.name} is of tools {' and '.join(map(str, mine))}, "
                 "and files of a rest have one tool a head",
-                advice="name --plan FILE in place of -o: what is left is planned then, and no file written",
+                advice="name --plan FILE in place of -o: what is left is then planned, not written",
             )
 
 

@@ -290,3 +290,14 @@ def test_a_plan_the_judge_refuses_is_none(made: Made, alone: Any) -> None:
     job = replace(rest.source.job, fenced=elsewhere)
     with pytest.raises((InputError, VerificationError), match="too near"):
         planned(made, replace(rest, source=replace(rest.source, job=job)), alone)
+
+
+def test_a_head_with_several_tools_left_is_refused(made: Made, alone: Any) -> None:
+    """The refusal named a draft that was gone, and an option that `replan` does not have."""
+    rest = rest_of(made.document, made.source, state_of_layers(made.document, 3), {})
+    contours = rest.source.job.contours
+    tool = np.arange(len(contours), dtype=contours.tool.dtype) % 2
+    job = replace(rest.source.job, contours=replace(contours, tool=tool))
+    several = replace(rest, source=replace(rest.source, job=job))
+    with pytest.raises(InputError, match=r"^what is left for head left is of tools 0 and 1"):
+        planned(made, several, alone)

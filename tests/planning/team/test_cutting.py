@@ -106,7 +106,7 @@ def test_a_machine_may_list_its_heads_in_any_order(tmp_path: Path, listed: tuple
     first = best_sweep(load(made, machine), Cut.INSIDE, unheard)
     other = best_sweep(load(made, replace(machine, heads=heads)), Cut.INSIDE, unheard)
     assert first is not None and other is not None
-    assert other.makespan_s == pytest.approx(first.makespan_s, rel=2e-3)  # ties fall otherwise
+    assert other.makespan_s == pytest.approx(first.makespan_s, rel=5e-3)  # ties fall otherwise
     prints = [np.bincount(one.order.head, minlength=len(listed)) for one in (first, other)]
     assert prints[1] == pytest.approx(prints[0][list(listed)], rel=0.05)
 
