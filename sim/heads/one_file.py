@@ -56,19 +56,19 @@ def walk_file(
     actions, waited = plan.heads[head], last_points(plan, head)
     tool, heat = _tool_of(actions, job), heat_due(document, job)
     idling = Idling.of(idle, actions, head, job, tool, timed=not read)
-    due = _Due.of(actions, job, document, tool, all_heat=heat.one_hot_end)
+    due = _DueCommands.of(actions, job, document, tool, all_heat=heat.one_hot_end)
     whole, file = file, _without_early_heat(file, due.start)
     words: list[str] = []
     over = -np.inf if job.printed is None else float(job.printed.top.max())
-    frame = _framed(file, document, due, park, words, over)
-    part = frame.part
+    outline = _outlined(file, document, due, park, words, over)
+    part = outline.part
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
     kept: Settings = frozenset()
-    if frame.low and len(np.unique(job.contours.tool)) > 1:
-        kept = kept_settings(file.track.table, int(file.track.at(file.rest[frame.low - 1][0])))
+    if outline.low and len(np.unique(job.contours.tool)) > 1:
+        kept = kept_settings(file.track.table, int(file.track.at(file.rest[outline.low - 1][0])))
     begins = _begin_of_end(file, document, due, part)
     words += _check_end(file, document, begins, kept, others=others)
-    blocks = _take_blocks(file, document, due.blocks, frame.low, frame.high, words)
+    blocks = _take_blocks(file, document, due.blocks, outline.low, outline.high, words)
     taken = {line for lines in blocks for line in lines}
     if others and taken:
         words += _check_left(file, max(taken), part.end_code)
@@ -87,9 +87,9 @@ def walk_file(
         words += wrong
         if tool is not None:
             first = walk.first[int(np.flatnonzero(actions.kind == ActionKind.PRINT)[0])]
-            own = {line for line, _ in file.rest[: frame.low]} | taken
+            own = {line for line, _ in file.rest[: outline.low]} | taken
             words += unheated(file.rest, file.others, first, heat, own)
-    words += _foreign(file, document, frame.body(file), taken | at_standby)
+    words += _foreign(file, document, outline.body(file), taken | at_standby)
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
@@ -101,7 +101,7 @@ def walk_file(
 
 
 @dataclass(frozen=True, slots=True)
-class _Due:
+class _DueCommands:
     """The commands of the source that one head's file must have."""
 
     own: OwnStart | None  # what starts its tool, where the source starts it later than the others
@@ -114,7 +114,7 @@ class _Due:
     def of(
         cls, actions: HeadActions, job: PrintJob, document: GcodeDocument, tool: int | None, *,
         all_heat: bool,
-    ) -> _Due:  # fmt: skip
+    ) -> _DueCommands:  # fmt: skip
         """Find them; with `all_heat` temperatures that name no tool are for every head."""
         own_of = partial(own_commands, tool=tool, all_heat=all_heat)
         own = document.own_start(tool)
@@ -137,7 +137,7 @@ class _Due:
 
 
 @dataclass(frozen=True, slots=True)
-class _Frame:
+class _Outline:
     """What a file has above and below what it prints."""
 
     low: int  # row of `rest` below the set-up
@@ -157,9 +157,14 @@ def _without_early_heat(file: HeadFile, start: list[bytes]) -> HeadFile:
     return replace(file, rest=file.rest[early:], others=file.others[early:])
 
 
-def _framed(
-    file: HeadFile, document: GcodeDocument, due: _Due, park: Point, words: list[str], over: float
-) -> _Frame:
+def _outlined(
+    file: HeadFile,
+    document: GcodeDocument,
+    due: _DueCommands,
+    park: Point,
+    words: list[str],
+    over: float,
+) -> _Outline:
     """Return where the parts of a file begin; writes what is wrong with them into `words`."""
     low, parked = _match_start(file, document, due.start, park, words, over)
     high = len(file.rest) - len(due.end)
@@ -170,10 +175,12 @@ def _framed(
     before = file.motion.before
     begin, end = int(before[min(parked, len(file.lines))]), int(before[end_code - 1])
     first = file.rest[0][0] if file.rest else 1
-    return _Frame(low, high, FileParts(first, parked, end_code, begin, max(begin, end)))
+    return _Outline(low, high, FileParts(first, parked, end_code, begin, max(begin, end)))
 
 
-def _begin_of_end(file: HeadFile, document: GcodeDocument, due: _Due, part: FileParts) -> int:
+def _begin_of_end(
+    file: HeadFile, document: GcodeDocument, due: _DueCommands, part: FileParts
+) -> int:
     """Return the row at which the source's end code begins, comments of it too."""
     above = min(part.end_code, _below_end(file)) - 1
     return begin_of_verbatim(file.lines.raw, above, document.postamble, due.of_end)
