@@ -123,6 +123,14 @@ class Incumbent:
         for name, given in (("is_reversed", is_reversed), ("entry_id", entry_id)):
             if given.shape != order.shape:
                 raise InputError(f"{name} has shape {given.shape}, expected {order.shape}")
+        return self._take(order, is_reversed, entry_id, by)
+
+    def _take(
+        self, order: NDArray[np.int32], is_reversed: NDArray[np.uint8],
+        entry_id: NDArray[np.int32], by: str = "",
+    ) -> bool:  # fmt: skip
+        """Take a sequence that is whole if it is better, as `offer` does."""
+        seams = self.problem.seams
         cost = visits_cost(self.metric, order, is_reversed, entry_id)
         if cost >= self.cost:
             return False
@@ -151,7 +159,7 @@ class Incumbent:
             If it has not each contour once.
         """
         order = whole_order(order, len(self.problem))
-        return self.offer(order, *self.problem.visits_for(self.metric, order))
+        return self._take(order, *self.problem.visits_for(self.metric, order))
 
     def prove(self, bound: float) -> None:
         """Take a bound that the planner has proven, if it is higher than the one known."""
