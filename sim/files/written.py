@@ -46,6 +46,7 @@ from sim.files.temperatures import check_temperatures
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
 DWELL = re.compile(rb"^G4 P(\d+)", re.M)
+Dwell = tuple[int, float]  # its line, from 1, and seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +116,10 @@ def _verify(
     if matched.is_other:
         return matched.verdict()
     faults = written.faults + _check_text(written, source, (job, document), matched, taken)
-    faults += _check_stands(written.text, motions, matched)
+    dwells = list(_dwells(written.text))
+    faults += _check_stands(dwells, motions, matched)
     if actions is not None:
-        faults += _check_waits(written.text, motions, matched.laid, actions)
+        faults += _check_waits(dwells, motions, matched.laid, actions)
     verdict = matched.verdict(faults)
     numbered = check_line_numbers(line_with_number(path, plate))
     return replace(verdict, faults=(*numbered, *verdict.faults))
@@ -211,24 +213,24 @@ def source_text(document: GcodeDocument) -> bytes | None:
     return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
 
 
-def _check_stands(text: bytes, motions: Motions, matched: Matched) -> list[Fault]:
+def _check_stands(dwells: Sequence[Dwell], motions: Motions, matched: Matched) -> list[Fault]:
     """Check that the file never stands still within a contour: a hot nozzle leaves a blob there."""
     line = np.asarray(motions.line)[matched.laid]
-    dwells = np.array([n for n, _ in _dwells(text)], np.int64)
-    next_bead = np.searchsorted(line, dwells)
+    lines = np.array([n for n, _ in dwells], np.int64)
+    next_bead = np.searchsorted(line, lines)
     within = (next_bead > 0) & (next_bead < len(line))
-    dwells, next_bead = dwells[within], next_bead[within]
+    lines, next_bead = lines[within], next_bead[within]
     before, contour = matched.contour[next_bead - 1], matched.contour[next_bead]
     same = (before == contour) & (contour >= 0)
-    lines = [
+    words = [
         f"line {n} stands still within contour {of}"
-        for n, of in zip(dwells[same].tolist(), contour[same].tolist(), strict=True)
+        for n, of in zip(lines[same].tolist(), contour[same].tolist(), strict=True)
     ]
-    return listed(FaultKind.COMMAND, lines)
+    return listed(FaultKind.COMMAND, words)
 
 
-def _dwells(text: bytes) -> Iterator[tuple[int, float]]:
-    """Yield line, from 1, and seconds of each dwell."""
+def _dwells(text: bytes) -> Iterator[Dwell]:
+    """Yield each dwell of a text."""
     at, n = 0, 1
     for dwell in DWELL.finditer(text):
         n += text.count(b"\n", at, dwell.start())
@@ -236,7 +238,9 @@ def _dwells(text: bytes) -> Iterator[tuple[int, float]]:
         yield n, int(dwell[1]) / 1000.0
 
 
-def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions) -> list[Fault]:
+def _check_waits(
+    dwells: Sequence[Dwell], motions: Motions, laid: Ints, actions: HeadActions
+) -> list[Fault]:
     """Check that the file stands still wherever the plan waits, as long, before the same bead.
 
     `laid` are the moves that lay beads, in the file's order.
@@ -245,10 +249,10 @@ def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions
         return []
     line = np.asarray(motions.line)[laid]
     stood: dict[int, float] = {}  # seconds before each laying move
-    for n, seconds in _dwells(text):
+    for n, seconds in dwells:
         k = int(np.searchsorted(line, n))
         stood[k] = stood.get(k, 0.0) + seconds
-    dwells = [(motions.points[laid[k]], seconds) for k, seconds in stood.items() if k < len(laid)]
+    stops = [(motions.points[laid[k]], seconds) for k, seconds in stood.items() if k < len(laid)]
     lines, due, used = [], 0.0, 0
     waits, prints = (actions.kind == kind for kind in (ActionKind.WAIT, ActionKind.PRINT))
     for a in np.flatnonzero(waits | prints).tolist():
@@ -256,10 +260,10 @@ def _check_waits(text: bytes, motions: Motions, laid: Ints, actions: HeadActions
             due += float(actions.end_s[a] - actions.begin_s[a])
         elif due > 0.0:
             begin = actions.action_path(a)[0]
-            left = range(used, len(dwells))
-            near = (k for k in left if np.abs(dwells[k][0] - begin).max() < SAME_PLACE_MM)
+            left = range(used, len(stops))
+            near = (k for k in left if np.abs(stops[k][0] - begin).max() < SAME_PLACE_MM)
             found = next(near, None)
-            seconds = 0.0 if found is None else dwells[found][1]
+            seconds = 0.0 if found is None else stops[found][1]
             if seconds < due - DWELL_S:
                 lines.append(
                     f"waits {seconds:.1f} s before contour {actions.contour[a]}, "

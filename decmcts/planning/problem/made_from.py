@@ -83,7 +83,7 @@ def _as_made(document: PlanDocument, named: Source) -> Source | None:
         for reading in (_safe, with_fewer_changes):
             with suppress(InputError):
                 found = reading(named, rules_of(document), unheard)
-                if is_made_from(document, found.job, found.document):
+                if found is not named and is_made_from(document, found.job, found.document):
                     return found
     return None
 
