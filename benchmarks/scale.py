@@ -149,9 +149,10 @@ def plot(rows: list[dict[str, str]], path: Path) -> None:
         axes[0].loglog(n, seconds, "o", color=f"C{k}", label=planner)
         axes[1].semilogx(n, [int(r["peak_mib"]) for r in mine], "o", color=f"C{k}", label=planner)
         axes[2].loglog(n, rate, "o", color=f"C{k}", label=planner)
-        growth = n * np.log(n)
-        axes[0].loglog(n, seconds[0] * growth / growth[0], "--", color=f"C{k}", alpha=0.4)
-        axes[2].loglog(n, rate[0] * growth[0] / growth, "--", color=f"C{k}", alpha=0.4)
+        if len(mine) > 1:  # of one print there is no growth to compare with
+            growth = n * np.log(n)
+            axes[0].loglog(n, seconds[0] * growth / growth[0], "--", color=f"C{k}", alpha=0.4)
+            axes[2].loglog(n, rate[0] * growth[0] / growth, "--", color=f"C{k}", alpha=0.4)
     axes[0].set(ylabel="seconds, reading and graph; dashed: n log n")
     axes[1].set(ylabel="peak memory, MiB", ylim=(0, None))
     axes[2].set(ylabel="iterations per second; dashed: 1 / (n log n)")

@@ -185,8 +185,9 @@ def plot(rows: list[Line], path: Path) -> None:
         n, seconds = np.asarray(column(mine, "contours")), np.asarray(column(mine, "order_s"))
         label, color = f"{heads} head{'s' if heads != '1' else ''}", f"C{k}"
         axes[0].loglog(n, seconds, "o-", color=color, label=label)
-        growth = np.asarray(n_log_n(column(mine, "contours")))
-        axes[0].loglog(n, seconds[0] * growth / growth[0], "--", color=color, alpha=0.4)
+        if len(mine) > 1:  # of one print there is no growth to compare with
+            growth = np.asarray(n_log_n(column(mine, "contours")))
+            axes[0].loglog(n, seconds[0] * growth / growth[0], "--", color=color, alpha=0.4)
         axes[1].loglog(n, 1 / seconds, "o-", color=color, label=label)
         axes[2].semilogx(n, column(mine, "agent_mib"), "o-", color=color, label=label)
     axes[0].set(ylabel="processor seconds a joint order; dashed: n log n")

@@ -323,3 +323,15 @@ def test_a_failure_and_a_lossy_run_are_carried_out(run, tmp_path):
     assert two["second"]
     assert float(clog["clairvoyant"]) > 0.9 and float(clog["waiting"]) < 1.0
     assert "towers:2" in (tmp_path / "runs.md").read_text()
+
+
+def test_the_growth_of_a_single_print_is_drawn(monkeypatch, tmp_path):
+    """No line to compare with: it lies on the only point but for rounding, and then the
+    axis has a height that matplotlib divides by and that is nothing."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    row = {"planner": "hybrid", "contours": "964", "peak_mib": "418", "error": ""}
+    row |= {"read_s": "0.4", "graph_s": "0.087", "iterations_per_s": "5797625.0"}
+    importlib.import_module("scale").plot([row], tmp_path / "scale.png")
+    row = {"heads": "2", "contours": "964", "order_s": "0.487", "agent_mib": "418", "error": ""}
+    importlib.import_module("team_growth").plot([row], tmp_path / "growth.png")
+    assert all((tmp_path / name).stat().st_size > 0 for name in ("scale.png", "growth.png"))
