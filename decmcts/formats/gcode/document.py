@@ -14,7 +14,7 @@ from decmcts.print.brief import brief
 
 NO_ARC = -1
 UNSET = 0  # value id of a slot that was never set
-BEFORE_TRAVEL = ("layer", "mesh", "object", "label")  # a travel belongs to what it leads to
+BEFORE_TRAVEL = ("layer", "mesh", "object", "label", "numbered label")  # a travel belongs to what it leads to
 BEAD = ("type", "width", "height")
 DESCRIBES = ("layer", "mesh", *BEAD, "message", "print stats")  # words that command nothing
 SILENT = ("tool", "temperature")  # slots that only blocks set: compared, never re-emitted

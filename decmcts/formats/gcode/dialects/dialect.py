@@ -185,10 +185,11 @@ def _comment(text: str) -> LineMeaning:
 
 def _label(text: str, body: str) -> LineMeaning:
     lower = body.lower()
+    slot = "numbered label" if lower.startswith(every("numbered")) else "label"
     if lower.startswith(every("objects")):
-        return LineMeaning(Kind.STATE, "label", text)
+        return LineMeaning(Kind.STATE, slot, text)
     if lower.startswith(every("objects_end")):
-        return LineMeaning(Kind.LEAVE, "label", text)
+        return LineMeaning(Kind.LEAVE, slot, text)
     if body.startswith(every("changes")):
         return LineMeaning(Kind.SECTION, text=text)
     if body.startswith(every("changes_end")):

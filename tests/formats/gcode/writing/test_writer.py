@@ -167,6 +167,23 @@ def test_same_plan_same_bytes(read):
     assert one.getvalue().decode() == two.getvalue()
 
 
+def test_two_labels_of_an_object_both_stay(read, again):
+    """OrcaSlicer labels objects by name and by number for Bambu's printers: each has readers."""
+    text = "".join(
+        f"; printing object {name} id:0 copy 0\n; start printing object, unique label id: {k}\n"
+        f"M624 {name}A==\nG1 X{50 * k} Y0 Z.2\nG1 X{50 * k + 9} E.5 F900\n"
+        f"; stop printing object {name} id:0 copy 0\n; stop printing object, unique label id: {k}\n"
+        "M625\n"
+        for k, name in enumerate("ab")
+    )
+    for seed in (None, 1):
+        raw = again(*read(text, start=M83), seed=seed)[2]
+        for line in filter(None, text.split("\n")):
+            code = line.split(" Y")[0].encode()
+            if not code.startswith(b"G1"):
+                assert raw.count(code) == text.count(line), line
+
+
 def test_missing_contour_is_refused_and_nothing_written(read, tmp_path):
     """A plan that forgets a bead must not become a file, nor touch the old one."""
     job, document = read(SQUARE + LINE)
