@@ -152,6 +152,25 @@ def due_at_begins(gaps: Gaps, parted: Bools) -> Floats:
     return due
 
 
+def travel_states(parsed: Parsed) -> NDArray[np.int32]:
+    """Return the state in which the source travels to beads of each state, -1: unknown.
+
+    It is that of the travel to the first bead of the state that has one, else of the last before.
+    """
+    motion, track = parsed.motion, parsed.track
+    across = np.hypot(*np.diff(motion.points[:, :2], axis=0).T) > 1e-9
+    travels = across & (motion.extrusion == 0.0) & ~motion.placed[motion.line]
+    leads = np.maximum.accumulate(np.where(travels, np.arange(len(travels)), -1))
+    laid = np.flatnonzero(parsed.runs.contour >= 0)
+    reached = leads[laid] > np.concatenate([[-1], laid[:-1]])
+    laid = laid[np.argsort(~reached, kind="stable")]
+    states, first = np.unique(track.at(motion.line[laid]), return_index=True)
+    lead = leads[laid[first]]
+    found = np.full(len(track.table.rows), -1, np.int32)
+    found[states] = np.where(lead < 0, -1, track.at(motion.line[np.maximum(lead, 0)]))
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Blocks:
     """Verbatim blocks, the epochs they bound, and the barriers in them."""

@@ -184,6 +184,47 @@ def test_two_labels_of_an_object_both_stay(read, again):
                 assert raw.count(code) == text.count(line), line
 
 
+LIMITS = (  # of travels, of beads of two kinds
+    ("M204 S3000", "M204 S1000", "M204 S500"),
+    (
+        "SET_VELOCITY_LIMIT ACCEL=3000",
+        "SET_VELOCITY_LIMIT ACCEL=1000",
+        "SET_VELOCITY_LIMIT ACCEL=9",
+    ),
+    ("M205 X9 Y9", "M205 X5 Y5", "M205 X3 Y3"),
+    ("M220 S90", "M220 S50", "M220 S80"),
+)
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_travels_accelerate_as_in_the_source(read, again, limits, seed):
+    """What slicers set for travels alone holds for travels in any order, and not for beads."""
+    travel, *kinds = limits
+    text = "".join(
+        f"{travel}\nG1 X{40 * k + 5} Y{k} Z.2 F9000\n{kinds[k % 2]}\nG1 X{40 * k} E.5 F900\n"
+        for k in range(6)
+    )
+    raw = again(*read(f"{text}{travel}\nM107\n", start=M83), seed=seed)[2].decode()
+    held, word, moves = "", travel.split("=")[0].rstrip("0123456789"), []
+    for line in raw.split("\n"):
+        held = line if line.startswith(word[:6]) else held
+        if line.startswith("G1 X"):
+            moves.append((" E" in line, held))
+    assert {now for bead, now in moves if not bead} == {travel}
+    assert {now for bead, now in moves if bead} == set(kinds)
+
+
+def test_what_holds_for_travels_and_beads_is_set_once(read, again):
+    """A file that sets nothing for travels alone is not filled with lines that do."""
+    text = "".join(
+        f"G1 X{40 * k + 5} Y{k} Z.2 F9000\nM204 P{500 + k % 2} T3000\nG1 X{40 * k} E.5 F900\n"
+        for k in range(6)
+    )
+    raw = again(*read(text + "M107\n", start=M83), seed=None)[2].decode()
+    assert raw.count("M204") == 6
+
+
 def test_missing_contour_is_refused_and_nothing_written(read, tmp_path):
     """A plan that forgets a bead must not become a file, nor touch the old one."""
     job, document = read(SQUARE + LINE)
