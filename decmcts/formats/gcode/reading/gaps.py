@@ -155,19 +155,23 @@ def due_at_begins(gaps: Gaps, parted: Bools) -> Floats:
 def travel_states(parsed: Parsed) -> NDArray[np.int32]:
     """Return the state in which the source travels to beads of each state, -1: unknown.
 
-    It is that of the travel to the first bead of the state that has one, else of the last before.
+    It is that in which it travels furthest to beads of the state; where none is travelled to, that
+    of the last travel before its first bead.
     """
     motion, track = parsed.motion, parsed.track
-    across = np.hypot(*np.diff(motion.points[:, :2], axis=0).T) > 1e-9
-    travels = across & (motion.extrusion == 0.0) & ~motion.placed[motion.line]
+    across = np.hypot(*np.diff(motion.points[:, :2], axis=0).T)
+    travels = (across > 1e-9) & (motion.extrusion == 0.0) & ~motion.placed[motion.line]
     leads = np.maximum.accumulate(np.where(travels, np.arange(len(travels)), -1))
     laid = np.flatnonzero(parsed.runs.contour >= 0)
     reached = leads[laid] > np.concatenate([[-1], laid[:-1]])
-    laid = laid[np.argsort(~reached, kind="stable")]
-    states, first = np.unique(track.at(motion.line[laid]), return_index=True)
-    lead = leads[laid[first]]
+    lead, states = leads[laid], track.at(motion.line)
+    laid, reached, lead = laid[lead >= 0], reached[lead >= 0], lead[lead >= 0]
+    pairs = np.stack([states[laid], states[lead]], axis=1)
+    kinds, first, kind = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    far = np.bincount(kind.ravel(), across[lead] * reached, len(kinds))
     found = np.full(len(track.table.rows), -1, np.int32)
-    found[states] = np.where(lead < 0, -1, track.at(motion.line[np.maximum(lead, 0)]))
+    best = kinds[np.lexsort((-first, far))]  # of each state the last counts
+    found[best[:, 0]] = best[:, 1]
     return found
 
 

@@ -215,6 +215,19 @@ def test_travels_accelerate_as_in_the_source(read, again, limits, seed):
     assert {now for bead, now in moves if bead} == set(kinds)
 
 
+def test_travels_are_as_most_of_the_source_s_to_such_beads(read, again):
+    """Cura lays the last of a bead without filament before a bridge: that is a short travel."""
+    text = (
+        "M204 S3000\nG1 X5 Y0 Z.2 F9000\nM204 S900\nG1 X9 E.5 F900\nG1 X10\nM106 S255\nG1 X20 E.5\n"
+    )
+    text += "".join(f"M204 S3000\nG1 X{k}0 Y{k} F9000\nM204 S900\nG1 X99 E.5\n" for k in (3, 4, 5))
+    raw = again(*read(text + "M204 S3000\n", start=M83), seed=1)[2].decode()
+    held = ""
+    for line in raw.split("\n"):
+        held = line if line.startswith("M204") else held
+        assert held == "M204 S3000" or "F9000" not in line or " Y" not in line or " E" in line
+
+
 def test_what_holds_for_travels_and_beads_is_set_once(read, again):
     """A file that sets nothing for travels alone is not filled with lines that do."""
     text = "".join(
@@ -222,7 +235,7 @@ def test_what_holds_for_travels_and_beads_is_set_once(read, again):
         for k in range(6)
     )
     raw = again(*read(text + "M107\n", start=M83), seed=None)[2].decode()
-    assert raw.count("M204") == 6
+    assert raw.count("M204") == 6 + 1  # one above the first travel: nothing is known there
 
 
 def test_missing_contour_is_refused_and_nothing_written(read, tmp_path):
