@@ -92,7 +92,8 @@ def is_role_comment(body: str) -> bool:
 
 
 def role_of(text: str) -> Role:
-    """Return the role a comment names; UNKNOWN for words that are not known."""
+    """Return the role a comment, or the last of several, names; UNKNOWN for unknown words."""
+    text = text[text.rfind("\n") + 1 :]
     return BY_NAME.get(_name(text.lstrip("; (").rstrip(") ")), Role.UNKNOWN)
 
 

@@ -15,6 +15,7 @@ from decmcts.formats.gcode import (
     same_extrusions,
     write_gcode,
 )
+from decmcts.print.contours import Role
 from decmcts.print.plan import ActionKind
 from decmcts.print.toolpath import Toolpath
 from tests.direct_actions import direct_actions
@@ -236,6 +237,32 @@ def test_what_holds_for_travels_and_beads_is_set_once(read, again):
     )
     raw = again(*read(text + "M107\n", start=M83), seed=None)[2].decode()
     assert raw.count("M204") == 6 + 1  # one above the first travel: nothing is known there
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_a_bridge_of_cura_keeps_its_type(read, again, seed):
+    """`;BRIDGE` stands below the type, and does not say what it is a bridge of."""
+    text = "".join(
+        f";TYPE:{kind}\n{mark}G1 X{10 * k + 5} Y{k} Z.2 F9000\nG1 X{10 * k} E.5 F900\n"
+        for k, (kind, mark) in enumerate([("FILL", ""), ("SKIN", ";BRIDGE\n"), ("SKIN", "")] * 2)
+    )
+    job, document = read(text, start=M83)
+    assert job.contours.role[[0, 1, 2]].tolist() == [
+        Role.INFILL,
+        Role.BRIDGE_INFILL,
+        Role.SOLID_INFILL,
+    ]
+    kind, kinds = "", {}
+    for line in again(job, document, seed=seed)[2].decode().split("\n"):
+        if line.startswith(";TYPE:"):
+            kind = line
+        elif line == ";BRIDGE":
+            kind += line
+        elif " E" in line:
+            y = int(float(line.split(" Y")[1].split()[0]))
+            kinds[y] = kind
+    due = [";TYPE:FILL", ";TYPE:SKIN;BRIDGE", ";TYPE:SKIN"] * 2
+    assert [kinds[y] for y in range(6)] == due
 
 
 def test_missing_contour_is_refused_and_nothing_written(read, tmp_path):
