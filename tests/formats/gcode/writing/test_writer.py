@@ -216,6 +216,14 @@ def test_travels_accelerate_as_in_the_source(read, again, limits, seed):
     assert {now for bead, now in moves if bead} == set(kinds)
 
 
+def test_travels_are_limited_where_the_first_is_not_yet(read, again):
+    """The first travel of a print is often made before anything is set, and far."""
+    text = "G1 X200 Y90 Z.2 F9000\nM204 S900\nG1 X9 E.5 F900\n"
+    text += "".join(f"M204 S3000\nG1 X{k}0 Y{k} F9000\nM204 S900\nG1 X99 E.5\n" for k in (3, 4, 5))
+    raw = again(*read(text + "M204 S3000\n", start=M83), seed=1)[2].decode()
+    assert raw.count("M204 S3000") == 4 + 2  # of the beads, and at the end
+
+
 def test_travels_are_as_most_of_the_source_s_to_such_beads(read, again):
     """Cura lays the last of a bead without filament before a bridge: that is a short travel."""
     text = (
