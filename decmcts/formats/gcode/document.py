@@ -14,7 +14,8 @@ from decmcts.print.brief import brief
 
 NO_ARC = -1
 UNSET = 0  # value id of a slot that was never set
-BEFORE_TRAVEL = ("layer", "mesh", "object", "label")  # a travel belongs to what it leads to
+# a travel belongs to what it leads to
+BEFORE_TRAVEL = ("layer", "mesh", "object", "label", "numbered label")
 BEAD = ("type", "width", "height")
 DESCRIBES = ("layer", "mesh", *BEAD, "message", "print stats")  # words that command nothing
 SILENT = ("tool", "temperature")  # slots that only blocks set: compared, never re-emitted
@@ -31,6 +32,8 @@ class StateTable:
     values: tuple[str, ...]  # values[UNSET] == ""
     leave: tuple[str, ...]  # aligned with values: the text that ends an object or label
     rows: NDArray[np.int32]  # (n_states, n_slots) value ids
+    travel: NDArray[np.int32] | None = None  # (n_states,) state in which the source travels to
+    # beads of each state, -1: unknown; None: all are
 
     __repr__ = brief("slots", "rows")
 

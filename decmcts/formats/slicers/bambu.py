@@ -26,6 +26,7 @@ DIALECT = Dialect(
     values={"LINE_WIDTH": "width", "LAYER_HEIGHT": "height", "Z_HEIGHT": "layer"},
     objects=("start printing object",),
     objects_end=("stop printing object",),
+    numbered=("start printing object, unique", "stop printing object, unique"),
     changes=("WIPE_TOWER_START",),
     changes_end=("WIPE_TOWER_END",),
     time_words=("total ", "estimated ", "model ", "printing ", "first ", "layer "),

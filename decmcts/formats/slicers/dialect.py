@@ -29,6 +29,7 @@ class Dialect:
     # of "width", "height" (of beads), "layer" (a note), "mesh"
     objects: tuple[str, ...] = ()  # how comments begin that open a label, in lower case,
     objects_end: tuple[str, ...] = ()  # and that close it
+    numbered: tuple[str, ...] = ()  # how those of both begin that stand beside others of a name
     changes: tuple[str, ...] = ()  # how comments begin above a slicer's own change of tools,
     changes_end: tuple[str, ...] = ()  # and below it
     times: tuple[str, ...] = ()  # patterns of what stands before a time in a comment,

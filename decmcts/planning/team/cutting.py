@@ -226,11 +226,15 @@ def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> l
 def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
     """Tell which contours are never cut, (n,).
 
-    What primes, what touches the head, what begins with filament of its own, and what has arcs
-    that are no arcs once cut.
+    What primes, what touches the head, what begins with filament of its own, what has arcs that
+    are no arcs once cut, and what runs one way and is not printed in one state: something may be
+    set on it for the first time, which cannot be taken back for a piece that stands above.
     """
-    graph, document = problem.graph, problem.document
-    kept = has_stiff_arc(document, problem.job.contours) | (document.owed != 0.0)
+    graph, document, contours = problem.graph, problem.document, problem.job.contours
+    kept = has_stiff_arc(document, contours) | (document.owed != 0.0)
+    low = np.minimum.reduceat(document.point_state, contours.offsets[:-1])
+    high = np.maximum.reduceat(document.point_state, contours.offsets[:-1])
+    kept |= ~contours.reversible & (low != high)
     pairs, kinds = graph.pairs(), graph.kinds
     kept[pairs[kinds == EdgeKind.PRIMING, 0]] = True
     kept[pairs[kinds == EdgeKind.CONTACT].reshape(-1)] = True

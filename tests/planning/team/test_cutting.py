@@ -344,6 +344,21 @@ def test_files_of_a_cut_print_hold_the_source_s_path(
     assert length == pytest.approx(np.linalg.norm(step[inside], axis=1).sum(), abs=0.05)
 
 
+def test_a_contour_that_sets_something_first_stays_whole(tmp_path: Path) -> None:
+    """What holds behind a command cannot be taken back for a piece that stands above it."""
+    path, gcode = tmp_path / "ring.gcode", ring_gcode()
+    cut = []
+    for setting in ("", "\nM221 S95"):
+        at = gcode.index("\n", gcode.index("G3", gcode.index(";Z:0.4")))  # half round a wall
+        path.write_text(gcode[:at] + setting + gcode[at:])
+        found = best_sweep(load(path, "dual-gantry"), Cut.ALL, unheard)
+        assert found is not None
+        cut.append(set(cuts_of(found.problem.job.contours).contour.tolist()))
+    assert 2 in cut[0]
+    assert 2 not in cut[1]
+    assert 4 in cut[1]
+
+
 def test_joints_of_pieces_are_no_travels_of_the_source(result: Result) -> None:
     """Pictures show by layer what the source travelled, though they draw it in pieces."""
     planned = result.planned

@@ -26,6 +26,7 @@ from decmcts.print.motion_kernels import (
     FACTOR,
     FEED,
     JERK,
+    N_LIMITS,
     PRINTING,
     RETRACTING,
     TRAVELLING,
@@ -115,6 +116,18 @@ def state_limits(
                 for line in states.values[value].split("\n"):
                     _APPLY[states.slots[slot]](row, parameters(line))
     return np.asarray(np.minimum(rows, ceiling)[back.ravel()])
+
+
+def travel_kinds(states: StateTable) -> tuple[list[int], dict[tuple[int, ...], int]]:
+    """Return the slots that limit travels, and a number for each setting of them that occurs.
+
+    Settings in which the head travels alike have the same number.
+    """
+    slots = [k for k, slot in enumerate(states.slots) if slot in _APPLY]
+    columns = np.delete(np.arange(N_LIMITS), [PRINTING, RETRACTING])
+    limits = np.nan_to_num(state_limits(states, MotionLimits.unstated())[:, columns], nan=-1.0)
+    kinds = np.unique(limits, axis=0, return_inverse=True)[1].ravel().tolist()
+    return slots, dict(zip(map(tuple, states.rows[:, slots].tolist()), kinds, strict=True))
 
 
 def commanded(states: StateTable, column: int, stated: MotionLimits) -> NDArray[np.float64]:

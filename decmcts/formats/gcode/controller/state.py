@@ -216,7 +216,13 @@ class _StateCollector:
         elif event.params:
             self.merge(event.slot, event, line)
         else:
-            self.set_slot(event.slot, event.text, line)
+            text = self._typed(event.text) if event.slot == "type" else event.text
+            self.set_slot(event.slot, text, line)
+
+    def _typed(self, text: str) -> str:
+        """Return a role's comment below the type it is a kind of (Cura's `;BRIDGE`), if it is."""
+        above = self.get("type").split("\n")[0]
+        return text if ":" in text or ":" not in above else f"{above}\n{text}"
 
     def merge(self, slot: str, event: LineMeaning, line: int, form: str = "") -> None:
         """Set the parameters of a command that holds them one by one."""

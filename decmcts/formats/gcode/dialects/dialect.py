@@ -92,7 +92,8 @@ def is_role_comment(body: str) -> bool:
 
 
 def role_of(text: str) -> Role:
-    """Return the role a comment names; UNKNOWN for words that are not known."""
+    """Return the role a comment, or the last of several, names; UNKNOWN for unknown words."""
+    text = text[text.rfind("\n") + 1 :]
     return BY_NAME.get(_name(text.lstrip("; (").rstrip(") ")), Role.UNKNOWN)
 
 
@@ -185,10 +186,11 @@ def _comment(text: str) -> LineMeaning:
 
 def _label(text: str, body: str) -> LineMeaning:
     lower = body.lower()
+    slot = "numbered label" if lower.startswith(every("numbered")) else "label"
     if lower.startswith(every("objects")):
-        return LineMeaning(Kind.STATE, "label", text)
+        return LineMeaning(Kind.STATE, slot, text)
     if lower.startswith(every("objects_end")):
-        return LineMeaning(Kind.LEAVE, "label", text)
+        return LineMeaning(Kind.LEAVE, slot, text)
     if body.startswith(every("changes")):
         return LineMeaning(Kind.SECTION, text=text)
     if body.startswith(every("changes_end")):

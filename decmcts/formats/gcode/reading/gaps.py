@@ -18,11 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.gcode.controller.limits import travel_kinds
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN
-from decmcts.formats.gcode.document import Block, Cursor
+from decmcts.formats.gcode.document import UNSET, Block, Cursor
 from decmcts.formats.gcode.reading.grouping import Parsed
 from decmcts.formats.gcode.text.lines import Lines
 from decmcts.formats.gcode.text.scan_kernels import X, Z
@@ -150,6 +151,32 @@ def due_at_begins(gaps: Gaps, parted: Bools) -> Floats:
     due[np.abs(due) < 1e-9] = 0.0
     due.setflags(write=False)
     return due
+
+
+def travel_states(parsed: Parsed) -> NDArray[np.int32]:
+    """Return the state in which the source travels to beads of each state, -1: unknown.
+
+    It is that in which it travels furthest to beads of the state; where none is travelled to, that
+    of the last travel before its first bead. One in which something is not set yet comes last: it
+    cannot be put back.
+    """
+    motion, track = parsed.motion, parsed.track
+    across = np.hypot(*np.diff(motion.points[:, :2], axis=0).T)
+    travels = (across > 1e-9) & (motion.extrusion == 0.0) & ~motion.placed[motion.line]
+    leads = np.maximum.accumulate(np.where(travels, np.arange(len(travels)), -1))
+    laid = np.flatnonzero(parsed.runs.contour >= 0)
+    reached = leads[laid] > np.concatenate([[-1], laid[:-1]])
+    lead, states = leads[laid], track.at(motion.line)
+    laid, reached, lead = laid[lead >= 0], reached[lead >= 0], lead[lead >= 0]
+    pairs = np.stack([states[laid], states[lead]], axis=1)
+    kinds, first, kind = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    far = np.bincount(kind.ravel(), across[lead] * reached, len(kinds))
+    found = np.full(len(track.table.rows), -1, np.int32)
+    limits = track.table.rows[:, travel_kinds(track.table)[0]] != UNSET
+    can_be_set = ~(limits[kinds[:, 0]] & ~limits[kinds[:, 1]]).any(axis=1)
+    best = kinds[np.lexsort((-first, far, can_be_set))]  # of each state the last counts
+    found[best[:, 0]] = best[:, 1]
+    return found
 
 
 @dataclass(frozen=True, slots=True)

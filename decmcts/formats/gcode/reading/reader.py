@@ -28,6 +28,7 @@ from decmcts.formats.gcode.reading.gaps import (
     gaps_of,
     net_before,
     net_behind,
+    travel_states,
 )
 from decmcts.formats.gcode.reading.grouping import (
     Parsed,
@@ -157,7 +158,8 @@ def _print_of(
         str(path), lines.span(0, top), lines.span(bottom, len(lines)),
         b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
         start, cursor_at(parsed, bottom, owed=0.0), blocks.blocks,
-        parsed.track.table, point_state, due_at_begins(gaps, blocks.parted),
+        replace(parsed.track.table, travel=travel_states(parsed)), point_state,
+        due_at_begins(gaps, blocks.parted),
         bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
         point_arc, motion.arcs, plate, _motions_of(parsed),
     )  # fmt: skip

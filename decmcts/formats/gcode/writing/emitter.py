@@ -353,6 +353,10 @@ class Emitter:
         """
         self._states.set(state, before_travel=before_travel)
 
+    def set_travel(self, state: int) -> None:
+        """Write what makes a travel to a bead of `state` as quick as the source makes it."""
+        self._states.set_travel(state)
+
     def text(self) -> bytes:
         """Return all that was written."""
         return b"".join(self.lines)

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from decmcts.formats.gcode.controller.limits import travel_kinds
 from decmcts.formats.gcode.dialects.dialect import LayerWords, layer_words
-from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, GcodeDocument
+from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, GcodeDocument
 
 
 class StateLines:
@@ -19,6 +20,7 @@ class StateLines:
         slots = document.states.slots
         self._written = [k for k, slot in enumerate(slots) if not slot.startswith(SILENT)]
         self._ahead = [k for k in self._written if slots[k] in BEFORE_TRAVEL]
+        self._limiting, self._kinds = travel_kinds(document.states)
         self._ranks = [_rank(slot) for slot in slots]
         self._rows: dict[int, list[int]] = {}  # of states
         self._stated: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
@@ -53,6 +55,21 @@ class StateLines:
             self._row[k] = target[k]
         if not before_travel:
             self._arrive()
+
+    def set_travel(self, state: int) -> None:
+        """Write what limits travels as where the source travels to beads of a state.
+
+        In a state that is of no beads they are limited as by that.
+        """
+        table, slots = self._table, self._limiting
+        lead = -1 if table.travel is None else int(table.travel[state])
+        due = {k: int(table.rows[lead if lead >= 0 else state, k]) for k in slots}
+        if self._kinds.get(tuple(self._row[k] for k in slots)) == self._kinds[tuple(due.values())]:
+            return
+        for k, value in due.items():
+            if value not in (UNSET, self._row[k]):
+                self._write(table.values[value].split("\n"))
+                self._row[k] = value
 
     def _enter(self, held: str, text: str) -> None:
         """Write what begins a layer, and keep what belongs to its first move until that is made."""

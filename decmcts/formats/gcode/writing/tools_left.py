@@ -205,6 +205,8 @@ class _States:
         self._its = [k for k, s in enumerate(slots) if s.startswith("fan") or s in OF_TOOL]
         self._rows = list(map(tuple, document.states.rows.tolist()))
         self._known = {row: k for k, row in enumerate(self._rows)}
+        travel = document.states.travel
+        self._travel = None if travel is None else travel.tolist()
         owner = np.repeat(np.arange(len(self.contours)), np.diff(self.contours.offsets))
         for due, has in other.items():
             like = _nearest(self.contours, due, has)
@@ -224,6 +226,8 @@ class _States:
         if key not in self._known:
             self._known[key] = len(self._rows)
             self._rows.append(key)
+            if self._travel is not None:
+                self._travel.append(self._travel[state])
         return self._known[key]
 
     def begins(self, contour: int) -> int:
@@ -233,7 +237,8 @@ class _States:
     def put_into(self, document: GcodeDocument) -> GcodeDocument:
         """Return a document with these states."""
         rows = np.array(self._rows, np.int32).reshape(-1, len(self.table.slots))
-        states = replace(self.table, rows=rows)
+        travel = None if self._travel is None else np.array(self._travel, np.int32)
+        states = replace(self.table, rows=rows, travel=travel)
         return replace(document, states=states, point_state=self.point_state)
 
 

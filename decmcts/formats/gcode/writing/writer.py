@@ -77,10 +77,13 @@ def write_gcode(
     blocks = iter(document.blocks)
     block = next(blocks, None)
     path: list[NDArray[np.float64]] = []
+    ahead = contours_ahead(actions)
     for k, kind in enumerate(map(ActionKind, actions.kind.tolist())):
         if kind is ActionKind.TRAVEL:
             path.append(actions.action_path(k))
         if kind is ActionKind.WAIT:
+            if ahead[k] >= 0:
+                emitter.set_travel(beads.state[ahead[k]])
             pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
             path = []
         if kind is not ActionKind.PRINT:
@@ -102,6 +105,14 @@ def write_gcode(
     save_text(emitter.text(), out)
 
 
+def contours_ahead(actions: HeadActions) -> list[int]:
+    """Return for each action the contour that is printed with it or next, -1 for none."""
+    ahead: list[int] = actions.contour[::-1].tolist()
+    for k in range(1, len(ahead)):
+        ahead[k] = ahead[k] if ahead[k] >= 0 else ahead[k - 1]
+    return ahead[::-1]
+
+
 def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) -> None:
     printed = actions.contour[actions.kind == ActionKind.PRINT]
     count = np.bincount(printed, minlength=len(job.contours))
@@ -116,6 +127,7 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     """Write a verbatim block with the controller brought to where the source had it."""
     begin = block.begin
     if block.moves:
+        emitter.set_travel(begin.state)
         emitter.bridge(begin.position)
     elif begin.position[2] > emitter.at[2] + NEAR_MM:
         x, y, _ = emitter.at
@@ -171,6 +183,8 @@ def print_contour(
         state = int(emitter.document.point_state[way.rows[1:]][::step][0])
     begin: Point = tuple(points[0].tolist())
     emitter.set_state(state, before_travel=True)
+    if math.dist(begin, emitter.at) >= NEAR_MM:
+        emitter.set_travel(state)
     written = len(emitter.lines)
     _go(emitter, path, begin)
     first = emitter.top == -math.inf  # what the start code pushes belongs to the first bead
@@ -245,6 +259,8 @@ def _finish(emitter: Emitter) -> None:
     where the last bead ends as the source's does it stands on it, as there.
     """
     end = emitter.document.end
+    if math.dist(emitter.at, end.position) >= NEAR_MM:
+        emitter.set_travel(end.state)
     emitter.hover(end.position)
     if abs(emitter.owed - end.owed) > 1e-6:  # be it but rounding: nothing is left for later
         emitter.retract()

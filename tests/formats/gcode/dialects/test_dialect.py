@@ -72,6 +72,7 @@ def test_roles_of_all_slicers(line, role):
         ("EXCLUDE_OBJECT_START NAME=a", "object"),
         ("M486 S2", "object"),
         ("; printing object a id:0 copy 0", "label"),
+        ("; start printing object, unique label id: 15", "numbered label"),
         ("M205 X8 Y8", "jerk"),
     ],
 )

@@ -15,6 +15,7 @@ from decmcts.formats.gcode import (
     same_extrusions,
     write_gcode,
 )
+from decmcts.print.contours import Role
 from decmcts.print.plan import ActionKind
 from decmcts.print.toolpath import Toolpath
 from tests.direct_actions import direct_actions
@@ -165,6 +166,111 @@ def test_same_plan_same_bytes(read):
     write_gcode(document, job, actions, one)
     write_gcode(document, job, actions, two)
     assert one.getvalue().decode() == two.getvalue()
+
+
+def test_two_labels_of_an_object_both_stay(read, again):
+    """OrcaSlicer labels objects by name and by number for Bambu's printers: each has readers."""
+    text = "".join(
+        f"; printing object {name} id:0 copy 0\n; start printing object, unique label id: {k}\n"
+        f"M624 {name}A==\nG1 X{50 * k} Y0 Z.2\nG1 X{50 * k + 9} E.5 F900\n"
+        f"; stop printing object {name} id:0 copy 0\n; stop printing object, unique label id: {k}\n"
+        "M625\n"
+        for k, name in enumerate("ab")
+    )
+    for seed in (None, 1):
+        raw = again(*read(text, start=M83), seed=seed)[2]
+        for line in filter(None, text.split("\n")):
+            code = line.split(" Y")[0].encode()
+            if not code.startswith(b"G1"):
+                assert raw.count(code) == text.count(line), line
+
+
+LIMITS = (  # of travels, of beads of two kinds
+    ("M204 S3000", "M204 S1000", "M204 S500"),
+    (
+        "SET_VELOCITY_LIMIT ACCEL=3000",
+        "SET_VELOCITY_LIMIT ACCEL=1000",
+        "SET_VELOCITY_LIMIT ACCEL=9",
+    ),
+    ("M205 X9 Y9", "M205 X5 Y5", "M205 X3 Y3"),
+    ("M220 S90", "M220 S50", "M220 S80"),
+)
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_travels_accelerate_as_in_the_source(read, again, limits, seed):
+    """What slicers set for travels alone holds for travels in any order, and not for beads."""
+    travel, *kinds = limits
+    text = "".join(
+        f"{travel}\nG1 X{40 * k + 5} Y{k} Z.2 F9000\n{kinds[k % 2]}\nG1 X{40 * k} E.5 F900\n"
+        for k in range(6)
+    )
+    raw = again(*read(f"{text}{travel}\nM107\n", start=M83), seed=seed)[2].decode()
+    held, word, moves = "", travel.split("=")[0].rstrip("0123456789"), []
+    for line in raw.split("\n"):
+        held = line if line.startswith(word[:6]) else held
+        if line.startswith("G1 X"):
+            moves.append((" E" in line, held))
+    assert {now for bead, now in moves if not bead} == {travel}
+    assert {now for bead, now in moves if bead} == set(kinds)
+
+
+def test_travels_are_limited_where_the_first_is_not_yet(read, again):
+    """The first travel of a print is often made before anything is set, and far."""
+    text = "G1 X200 Y90 Z.2 F9000\nM204 S900\nG1 X9 E.5 F900\n"
+    text += "".join(f"M204 S3000\nG1 X{k}0 Y{k} F9000\nM204 S900\nG1 X99 E.5\n" for k in (3, 4, 5))
+    raw = again(*read(text + "M204 S3000\n", start=M83), seed=1)[2].decode()
+    assert raw.count("M204 S3000") == 4 + 2  # of the beads, and at the end
+
+
+def test_travels_are_as_most_of_the_source_s_to_such_beads(read, again):
+    """Cura lays the last of a bead without filament before a bridge: that is a short travel."""
+    text = (
+        "M204 S3000\nG1 X5 Y0 Z.2 F9000\nM204 S900\nG1 X9 E.5 F900\nG1 X10\nM106 S255\nG1 X20 E.5\n"
+    )
+    text += "".join(f"M204 S3000\nG1 X{k}0 Y{k} F9000\nM204 S900\nG1 X99 E.5\n" for k in (3, 4, 5))
+    raw = again(*read(text + "M204 S3000\n", start=M83), seed=1)[2].decode()
+    held = ""
+    for line in raw.split("\n"):
+        held = line if line.startswith("M204") else held
+        assert held == "M204 S3000" or "F9000" not in line or " Y" not in line or " E" in line
+
+
+def test_what_holds_for_travels_and_beads_is_set_once(read, again):
+    """A file that sets nothing for travels alone is not filled with lines that do."""
+    text = "".join(
+        f"G1 X{40 * k + 5} Y{k} Z.2 F9000\nM204 P{500 + k % 2} T3000\nG1 X{40 * k} E.5 F900\n"
+        for k in range(6)
+    )
+    raw = again(*read(text + "M107\n", start=M83), seed=None)[2].decode()
+    assert raw.count("M204") == 6 + 1  # one above the first travel: nothing is known there
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_a_bridge_of_cura_keeps_its_type(read, again, seed):
+    """`;BRIDGE` stands below the type, and does not say what it is a bridge of."""
+    text = "".join(
+        f";TYPE:{kind}\n{mark}G1 X{10 * k + 5} Y{k} Z.2 F9000\nG1 X{10 * k} E.5 F900\n"
+        for k, (kind, mark) in enumerate([("FILL", ""), ("SKIN", ";BRIDGE\n"), ("SKIN", "")] * 2)
+    )
+    job, document = read(text, start=M83)
+    assert job.contours.role[[0, 1, 2]].tolist() == [
+        Role.INFILL,
+        Role.BRIDGE_INFILL,
+        Role.SOLID_INFILL,
+    ]
+    kind, kinds = "", {}
+    for line in again(job, document, seed=seed)[2].decode().split("\n"):
+        if line.startswith(";TYPE:"):
+            kind = line
+        elif line == ";BRIDGE":
+            kind += line
+        elif " E" in line:
+            y = int(float(line.split(" Y")[1].split()[0]))
+            kinds[y] = kind
+    due = [";TYPE:FILL", ";TYPE:SKIN;BRIDGE", ";TYPE:SKIN"] * 2
+    assert [kinds[y] for y in range(6)] == due
 
 
 def test_missing_contour_is_refused_and_nothing_written(read, tmp_path):
