@@ -47,9 +47,9 @@ def unpack_event(payload: bytes) -> PrintEvent:
     if len(payload) > MOST_BYTES:
         raise ValueError(f"{len(payload)} bytes are more than an event has")
     try:
-        return event_of(_unpacker(payload).unpack())
-    except (msgpack.UnpackException, UnicodeDecodeError) as error:
-        raise ValueError(f"no event ({error})") from error
+        return event_of(_unpacked(_unpacker(payload)))
+    except msgpack.OutOfData as error:
+        raise ValueError("it breaks off") from error
 
 
 def stream_of(log: EventLog) -> bytes:
@@ -69,9 +69,9 @@ def read_events(path: Path) -> EventLog:
     """
     unpacker = _unpacker(read_bytes(path))
     try:
-        problem, heads = _header(unpacker.unpack())
+        problem, heads = _header(_unpacked(unpacker))
         events = tuple(_events(unpacker, len(heads)))
-    except (ValueError, UnicodeDecodeError, msgpack.UnpackException) as error:
+    except (ValueError, msgpack.OutOfData) as error:
         raise InputError(
             f"is no stream of events ({error})", path=path,
             advice="name what `--events` of `simulate` or `run` wrote",
@@ -82,7 +82,7 @@ def read_events(path: Path) -> EventLog:
 def _events(unpacker: Any, heads: int) -> Iterator[PrintEvent]:
     while True:
         try:
-            event = event_of(unpacker.unpack())
+            event = event_of(_unpacked(unpacker))
         except msgpack.OutOfData:
             return
         if not event.head < heads or not event.by < heads:
@@ -98,6 +98,16 @@ def _unpacker(content: bytes) -> Any:
     )  # fmt: skip
     unpacker.feed(content)
     return unpacker
+
+
+def _unpacked(unpacker: Any) -> Any:
+    """Return the next value; raises ValueError in words of ours where bytes are none."""
+    try:
+        return unpacker.unpack()
+    except msgpack.OutOfData:
+        raise
+    except (ValueError, UnicodeDecodeError, msgpack.UnpackException) as error:
+        raise ValueError("its bytes are no msgpack, or a value in it is too long") from error
 
 
 def _header(found: Any) -> tuple[str, tuple[str, ...]]:

@@ -91,7 +91,8 @@ def from_arrays(
     _require("layer", layers[0] >= 0 and (np.diff(layers) >= 0).all(), "must not fall, from 0")
     roles = _values("role", role, n, Role.UNKNOWN)
     _require("role", np.isin(roles, list(Role)).all(), "must be values of Role")
-    feeds = _values("feed", feed, n, chosen.perimeter_feed, above=0.0)
+    feeds = _values("feed", feed, n, chosen.perimeter_feed)
+    _require("feed", (feeds * 60.0 >= 1.0).all(), "must be at least 1/60: a mm a minute")
     widths = _values("width", width, n, chosen.bead_width, above=0.0)
     heights = _values("height", height, n, chosen.layer_height, above=0.0)
     per_mm = [chosen.filament_per_mm(h, w) for h, w in zip(heights, widths, strict=True)]

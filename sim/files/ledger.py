@@ -28,13 +28,14 @@ from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
+from sim.files.unretracted import Spans, Ways, farther_unretracted
 
 TOTAL_MM = 1e-4  # by which the filament of a tool may differ in all
 NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, on both sides
 NONE = -1
 MORE_MM = 0.01  # of filament pushed or pulled at once beyond the source's
 
-Spans = Sequence[tuple[int, int] | None]
+LineSpans = Sequence[tuple[int, int] | None]
 
 
 def check_filament(
@@ -70,6 +71,7 @@ def check_filament(
         *_check_nets(book, own, motions),
         *_check_depths(book, own, motions),
         *_check_firmware(book, own, motions, source),
+        *_check_unretracted(book, own, motions, source),
     ]
 
 
@@ -97,6 +99,7 @@ class Book:
     """The stretches of a file in order: of each contour one before it; two where lines stand."""
 
     bead: Ints  # (n,) the move each contour begins with
+    behind: Ints  # (n,) the move behind the contour before
     contour: Ints  # (n,) of the source
     tool: Ints  # (n,) it is printed with
     lines: Ints  # (n,) which of the source's own lines stand before it: -1 none, 0 the start code
@@ -108,7 +111,7 @@ class Book:
     deepest: Floats  # (n,) least running sum from bead to bead, the source's own lines included
 
     @staticmethod
-    def of(motions: Motions, laid: Ints, contour: Ints, spans: Spans) -> Book:
+    def of(motions: Motions, laid: Ints, contour: Ints, spans: LineSpans) -> Book:
         """Return the book of the moves between beads; `spans` are the source's own lines."""
         first = np.concatenate([[True], np.diff(contour) != 0])
         bead, behind = laid[first], np.concatenate([[-1], laid[:-1][first[1:]]]) + 1
@@ -129,7 +132,8 @@ class Book:
         if stands[0] == 0:  # what the start code does is its own
             upper.net[0] = upper.low[0] = upper.high[0] = 0.0
         return Book(
-            bead, contour[first], tool, stands, NetFilament.of(tool, total, since, bead), upper,
+            bead, behind, contour[first], tool, stands,
+            NetFilament.of(tool, total, since, bead), upper,
             changes[np.maximum(behind - 1, 0)] == changes[bead],
             NetFilament.of(tool, total, behind, bead).low,
         )  # fmt: skip
@@ -275,6 +279,21 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
         for k in wrong[:LIMIT].tolist()
     ]
     return listed(FaultKind.STATE, texts, total=len(foreign) + len(wrong))
+
+
+def _check_unretracted(book: Book, own: Book, motions: Motions, source: Motions) -> list[Fault]:
+    """Check that the nozzle travels unretracted no farther than in the source."""
+    found = farther_unretracted(ways_of(book, motions), ways_of(own, source))
+    line, bead = motions.line, book.bead[1:]
+    return listed(FaultKind.STATE, [f"above line {line[bead[k]]} {t}" for k, t in found.items()])
+
+
+def ways_of(book: Book, motions: Motions) -> Ways:
+    """Return the ways from each contour to the next."""
+    points, extrusion = np.asarray(motions.points), np.asarray(motions.extrusion)
+    plain = book.kept & (book.lines < 0)
+    spans = Spans(*(values[1:] for values in (book.behind, book.bead, book.tool, plain)))
+    return Ways.of(points, extrusion, _withdrawn(motions), spans)
 
 
 def _withdrawn(motions: Motions) -> Flags:

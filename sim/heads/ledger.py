@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument, Motions
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED
 from decmcts.formats.gcode.document import Block
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -38,7 +39,9 @@ from sim.files.ledger import (
     in_words,
     lines_in_source,
     tools_of,
+    ways_of,
 )
+from sim.files.unretracted import Spans, Ways, farther_unretracted
 from sim.heads.changes import NO_GAP, gaps_of_tools
 from sim.heads.file import HeadFile
 from sim.heads.laid import ContourMoves
@@ -82,6 +85,7 @@ class Dues:
     beside: Floats  # (b,) most that is retracted above each block, or behind it
     shared: bool  # several tools print
     starts: dict[int, float]  # as `start`, of tools whose first change is left out
+    ways: Ways  # from contour to contour
 
 
 def belongs_to_bead(block: Block) -> bool:
@@ -136,7 +140,10 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
         primes = {tool: practice.prime_mm for tool, practice in job.practices}
         starts = _without_changes(source, number, document, owed, net, book, primes)
     net, given = _of_pieces(job.contours, begins, net, given)
-    return Dues(net, given, above, left, start, document.start.tool, usual, beside, shared, starts)
+    return Dues(
+        net, given, above, left, start, document.start.tool, usual, beside, shared, starts,
+        ways_of(book, source),
+    )  # fmt: skip
 
 
 def _without_changes(
@@ -217,9 +224,11 @@ class _Account:
             self.retracted += dues.starts[head.tool]
         self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
         self.at = head.begin  # the move behind the last bead, or the source's own lines
+        self.last = -1  # the move behind the last bead
         self.over = 0.0  # mm given beyond what is due
         self.changed = False  # whether the source's own change of tools stands before the next bead
         self.texts: list[str] = []
+        self.between: list[tuple[int, int]] = []  # moves from bead to bead, begin and end
 
     def run(self) -> list[str]:
         """Return what is wrong, in words."""
@@ -234,6 +243,7 @@ class _Account:
                 self.changed |= "tool change" in block.reasons
                 crossed += 1
             self._begin(bead)
+        self.texts += self._unretracted()
         pushed = self.total[max(self.head.end, self.at)] - self.total[self.at]
         for _, lines in blocks[crossed:]:  # the source's own lines, which stand behind all beads
             if lines:
@@ -249,6 +259,8 @@ class _Account:
         """Check the stretch before a bead, and the bead."""
         dues = self.dues
         due = self.retracted + float(dues.net[bead.contour])
+        if self.last == self.at <= bead.begin:
+            self.between.append((self.at, bead.begin))
         if self.at > bead.begin:  # lines in another order, which is a fault of its own
             self.at = bead.begin
         pulled = self.head.pulled is None or bead.contour in self.head.pulled
@@ -263,7 +275,19 @@ class _Account:
             )
         given = self.total[bead.end] - self.total[bead.begin]
         self.over += net - due + given - float(dues.extrusion[bead.contour])
-        self.at, self.retracted, self.most = bead.end, 0.0, 0.0
+        self.at = self.last = bead.end
+        self.retracted = self.most = 0.0
+
+    def _unretracted(self) -> list[str]:
+        """Check that the head travels unretracted no farther than the source does."""
+        begin, end = np.array(self.between, np.int64).reshape(-1, 2).T
+        motion, n = self.head.file.motion, len(begin)
+        above = np.maximum(motion.line - 1, 0)
+        withdrawn = np.asarray(motion.modes[above, FIRMWARE_RETRACTED] > 0)
+        spans = Spans(begin, end, np.full(n, self.head.tool), np.ones(n, np.bool_))
+        ways = Ways.of(motion.points, motion.extrusion, withdrawn, spans)
+        found = farther_unretracted(ways, self.dues.ways).items()
+        return [f"above line {self._line(int(end[k]))} {text}" for k, text in found]
 
     def _prime(self, bead: ContourMoves, more: float) -> float:
         """Return what is due to prime a head that has stood idle, mm; `more` is pushed beyond."""

@@ -95,7 +95,7 @@ def test_what_a_head_leaves_is_printed_by_the_others() -> None:
         assert row["wait_5"] < row["wait_30"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_central_and_decentral_plans_come_over_the_same_network() -> None:
     """And both beat nobody's bound."""
     keys = some_of("decentral-or-central", print="row-6-20-20", setting="network", loss=0.2)

@@ -88,6 +88,29 @@ def travel_down(lines: Lines, rng: Rng) -> None:
     lines.insert(at, "G1 Z0.100")
 
 
+def retracted_late(lines: Lines, rng: Rng) -> None:
+    """Retract behind the travel; filament is right."""
+    beads, travels = rows_of(lines, BEAD), rows_of(lines, TRAVEL)
+    at = pick([k for k in rows_of(lines, RETRACT) if k + 1 in travels and k > beads[0]], rng)
+    lines[at], lines[at + 1] = lines[at + 1], lines[at]
+
+
+def primed_early(lines: Lines, rng: Rng) -> None:
+    """Prime before the travel; filament is right."""
+    beads, travels = rows_of(lines, BEAD), rows_of(lines, TRAVEL)
+    above = {k: t for t in travels for k in range(t + 1, t + 5)}  # the last travel near
+    k = pick([k for k in rows_of(lines, PRIME) if k > beads[0] and k in above], rng)
+    lines.insert(above[k], lines.pop(k))
+
+
+def never_retracted(lines: Lines, rng: Rng) -> None:
+    """Neither retract nor prime between two contours; filament is right."""
+    beads = rows_of(lines, BEAD)
+    at = pick([k for k in rows_of(lines, RETRACT) if beads[0] < k < beads[-1]], rng)
+    prime = next(k for k in rows_of(lines, PRIME) if k > at)
+    del lines[prime], lines[at]
+
+
 def no_feed(lines: Lines, rng: Rng) -> None:
     """Let a travel have no speed."""
     k = pick(rows_of(lines, TRAVEL), rng)
@@ -150,6 +173,9 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
     Mutant("a travel at feed 0", no_feed),
     Mutant("no retraction", remove(RETRACT)),
     Mutant("no priming", remove(PRIME)),
+    Mutant("a retraction behind its travel", retracted_late),
+    Mutant("priming before its travel", primed_early),
+    Mutant("neither retraction nor priming", never_retracted),
     Mutant("more priming", change(PRIME, r"E0\.8", "E1.8")),
     Mutant("a retraction a hundred times as fast", change(RETRACT, r" F\d+", " F210000")),
     Mutant("a retraction that takes a minute", change(RETRACT, r" F\d+", " F1")),

@@ -63,6 +63,7 @@ def test_filament_is_what_a_bead_of_this_size_takes() -> None:
         ("extrusion", np.zeros(3)),
         ("extrusion", np.full(6, -1.0)),
         ("feed", 0.0),
+        ("feed", 0.001),  # F0 in a file
         ("width", np.array([0.4, 0.0, 0.4])),
         ("height", np.array([0.4, np.inf, 0.4])),
         ("height", np.zeros((3, 1))),

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM
-from decmcts.print.machine import Machine, Point, Stands
+from decmcts.print.machine import Head, Machine, Point, Stands
 from decmcts.print.machine_fit import refuse_unknown_head
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, whereabouts
 
 PARKED, SLOWEST = "park", 10.0
+BEYOND_MM = 10.0  # so far beside reach and park a head may be pushed
 
 
 def fenced_places(
@@ -65,13 +66,14 @@ def stated_place(text: str, machine: Machine) -> tuple[str, Point | None]:
     Raises
     ------
     InputError
-        For heads the machine has not, and places that are none.
+        For heads the machine has not, and places that are none, or that the head cannot be at.
     """
     name, has_place, place = text.partition("=")
     refuse_unknown_head("--fenced", text, name, machine)
     if not has_place:
         return name, None
-    return name, machine.head(name).park if place == PARKED else _point(text, place)
+    head = machine.head(name)
+    return name, head.park if place == PARKED else _point(text, place, head)
 
 
 def _line(line: NDArray[np.float64]) -> Stands:
@@ -102,8 +104,8 @@ def late_heads(stated: Sequence[str], machine: Machine) -> dict[str, float]:
     return found
 
 
-def _point(text: str, place: str) -> Point:
-    """Return coordinates as a place, mm."""
+def _point(text: str, place: str, head: Head) -> Point:
+    """Return coordinates as a place where a head can be, mm."""
     try:
         x, y, z = map(float, place.split(","))
     except ValueError:
@@ -113,4 +115,13 @@ def _point(text: str, place: str) -> Point:
             f"--fenced {text}: {place!r} is no place",
             advice=f"give park, or three numbers X,Y,Z within ±{LARGEST_MM:g} mm",
         )
+    low = np.minimum(head.reach_min, head.park) - BEYOND_MM
+    high = np.maximum(head.reach_max, head.park) + BEYOND_MM
+    for axis, at, least, most in zip("XYZ", (x, y, z), low.tolist(), high.tolist(), strict=True):
+        if not least <= at <= most:
+            raise InputError(
+                f"--fenced {text}: head {head.name} cannot be at {axis} {at:g}: with its park it "
+                f"reaches {least + BEYOND_MM:g} to {most - BEYOND_MM:g} mm",
+                advice="say where its nozzle is, X,Y,Z in mm",
+            )
     return x, y, z

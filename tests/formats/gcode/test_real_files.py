@@ -29,32 +29,28 @@ pytestmark = [pytest.mark.shared, pytest.mark.long, pytest.mark.usefixtures("nee
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.gcode.gz"), ids=lambda p: p.name)
 def test_files_of_a_dozen_slicers(path, again, tmp_path):
-    """Same segments, feeds and machine state in the source's order and in another."""
+    """Same segments, feeds and machine state in the source's order and in another.
+
+    And one judge: filament, commands and states of what is written pass `verify --source` too.
+    """
     job, document = read_gcode(path)
     job2, document2, _ = again(job, document)
+    out, machine = tmp_path / "out.gcode", load_machine("paper")
+    draft = verify_written(out, job, document, machine, seams=[])
+    assert not draft.kinds() & {FaultKind.STATE, FaultKind.E_TOTAL, FaultKind.COMMAND}
+    assert judge(out, path, machine, seed=0, trials=1).faults == draft.faults
     assert job2.contours.epoch.tolist() == job.contours.epoch.tolist()
     blocks = [b"".join(without_progress(block.text)) for block in document.blocks]
     assert [block.text for block in document2.blocks] == blocks
     due = by_tool(document.moves)
-    assert by_tool(read_motions(tmp_path / "out.gcode")) == pytest.approx(due, abs=1e-4)
+    assert by_tool(read_motions(out)) == pytest.approx(due, abs=1e-4)
     again(job, document, seed=1, seams=True)
-    assert by_tool(read_motions(tmp_path / "out.gcode")) == pytest.approx(due, abs=1e-4)
+    assert by_tool(read_motions(out)) == pytest.approx(due, abs=1e-4)
 
 
 def by_tool(motions: Motions) -> np.ndarray:
     """Return the filament each tool gives in all, mm."""
     return np.bincount(motions.tool, motions.extrusion)
-
-
-@pytest.mark.parametrize("path", corpus("gcode", "*.gcode.gz"), ids=lambda p: p.name)
-def test_what_drafts_are_asked_files_are_asked(path, again, tmp_path):
-    """One judge: filament, commands and states of what is written pass `verify --source` too."""
-    job, document = read_gcode(path)
-    again(job, document)
-    out, machine = tmp_path / "out.gcode", load_machine("paper")
-    draft = verify_written(out, job, document, machine, seams=[])
-    assert not draft.kinds() & {FaultKind.STATE, FaultKind.E_TOTAL, FaultKind.COMMAND}
-    assert judge(out, path, machine, seed=0, trials=1).faults == draft.faults
 
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.bgcode"), ids=lambda p: p.name)

@@ -50,7 +50,7 @@ KINDS = [("hybrid", kind) for kind in ("paths", "narrow", "loops", "time", "bare
 KINDS += [("mcts", "paths"), ("local", "loops")]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_search_finds_every_kernel_compiled() -> None:
     """Small searches ahead of the real one take every path it may take; counted is what is late."""
     ahead = [(*kind, "ahead") for kind in KINDS]

@@ -79,8 +79,8 @@ def test_where_fenced_heads_stand(made: Made) -> None:
     seen = HeadState("right", 3, at=(200.0, 50.0, 1.0), failed=True)
     state = PrintState((HeadState("left", 0), seen), None)  # type: ignore[arg-type]
     assert fenced_places([], made.document, state, seen=True) == {"right": ((200.0, 50.0, 1.0),)}
-    moved = fenced_places(["right=1,2,3"], made.document, state, seen=True)
-    assert moved == {"right": (1.0, 2.0, 3.0)}
+    moved = fenced_places(["right=100,2,3"], made.document, state, seen=True)
+    assert moved == {"right": (100.0, 2.0, 3.0)}
     parked = fenced_places(["right=park"], made.document, state, seen=True)
     assert parked == {"right": machine.heads[1].park}
     both = fenced_places(["left"], made.document, state, seen=True)
@@ -119,6 +119,8 @@ def test_where_a_head_may_stand_is_kept_in_its_plan(made: Made, tmp_path: Path) 
         ("right=1,2", "'1,2' is no place"),
         ("right=nan,1,2", "is no place"),
         ("right=1e9,1,2", "is no place"),
+        ("right=2000,50,1", "right cannot be at X 2000: with its park it reaches 30 to 345 mm"),
+        ("right=200,50,-20", "right cannot be at Z -20"),
     ],
 )
 def test_bad_places_are_refused(made: Made, said: str, what: str) -> None:

@@ -37,7 +37,7 @@ for each in (problem, begun):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rounds_find_every_kernel_compiled() -> None:
     """Policies, tree, distribution, polishing and what is told."""
     ahead, late = late_kernels(LOADED, AHEAD, SEARCH, [["ahead"], ["late"]])

@@ -227,7 +227,7 @@ def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
     kept = np.concatenate([[0], np.cumsum(pulled[order])])  # retracted but shorter
     wrong = kept + np.concatenate([np.cumsum(~pulled[order][::-1])[::-1], [0]])
     cut = int(np.argmin(wrong))
-    best = float(round(length[order[cut]], 3)) if cut < len(length) else np.inf
+    best = float(np.floor(1000.0 * length[order[cut]]) / 1000.0) if cut < len(length) else np.inf
     return min(best, LONGEST_BARE_MM)
 
 

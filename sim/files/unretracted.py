@@ -1,0 +1,88 @@
+"""How far the nozzle travels unretracted, against the source: filament oozes there.
+
+Between two beads a file either retracts or does not. Where it does, it travels unretracted before
+that and after no farther than the source does where it retracts with that tool. Where it does not,
+it travels no farther than the source does where it does not, or less far than the next longer way
+on which the source retracts.
+
+Counted from the moves alone, as all of `sim.files.ledger`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.arrays import Flags, Floats, Ints
+
+PULLED_MM = 0.01  # of filament that counts as retracted
+SHORT_MM = 5.0  # so far the nozzle may travel where the source never retracts on longer ways
+SAME_MM = 0.02  # by which ways may differ: coordinates are rounded
+JUST_MM = 1e-4  # less than a way on which the source retracts
+
+
+class Spans(NamedTuple):
+    """Moves between two beads: begin..end - 1, each (n,)."""
+
+    begin: Ints
+    end: Ints
+    tool: Ints  # that prints the second one
+    plain: Flags  # the first one too, and no lines of the source stand in between
+
+
+class Ways(NamedTuple):
+    """How the nozzle gets from bead to bead, each (n,)."""
+
+    tool: Ints
+    plain: Flags  # as `Spans`
+    retracts: Flags  # on the way
+    unretracted: Floats  # mm across the bed with nothing retracted
+    distance: Floats  # mm from end to end
+
+    @staticmethod
+    def of(points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans) -> Ways:
+        """Measure ways; linear in the moves.
+
+        Parameters
+        ----------
+        points : (m + 1, 3)
+        extrusion : (m,) mm of filament
+        withdrawn : (m,) whether the firmware has retracted before each move
+        """
+        begin, end = spans.begin, spans.end
+        total = np.concatenate([[0.0], np.cumsum(extrusion)])
+        step = np.hypot(*np.diff(points[:, :2], axis=0).T)
+        count, n = end - begin, len(begin)
+        way = np.repeat(np.arange(n), count)
+        move = np.arange(len(way)) + np.repeat(begin - np.cumsum(count) + count, count)
+        held = withdrawn[move] | (total[move] - total[begin][way] < -PULLED_MM)
+        bare = ~held & (np.abs(extrusion[move]) < 1e-6)
+        return Ways(
+            spans.tool, spans.plain, np.bincount(way, held, n) > 0,
+            np.bincount(way, step[move] * bare, n),
+            np.linalg.norm(points[end] - points[begin], axis=1),
+        )  # fmt: skip
+
+
+def farther_unretracted(ours: Ways, theirs: Ways) -> dict[int, str]:
+    """Return, in words, the ways on which a file goes unretracted farther than its source.
+
+    Tools that the source never retracts are not judged.
+    """
+    pulling = np.unique(theirs.tool[theirs.plain & theirs.retracts])
+    shown = theirs.plain & theirs.retracts
+    most = {tool: theirs.unretracted[shown & (theirs.tool == tool)].max() for tool in pulling}
+    own = np.isin(theirs.tool, pulling)
+    bare = theirs.unretracted[own & ~theirs.retracts].max(initial=0.0)
+    longer = theirs.distance[own & theirs.retracts & (theirs.distance > bare)]
+    below = longer.min() - JUST_MM if len(longer) else SHORT_MM
+    found = {}
+    for k in np.flatnonzero(ours.plain & np.isin(ours.tool, pulling)).tolist():
+        limit = most[ours.tool[k]] if ours.retracts[k] else max(bare, below - SAME_MM)
+        if ours.unretracted[k] > limit + SAME_MM:
+            found[k] = (
+                f"the nozzle travels {ours.unretracted[k]:.4g} mm unretracted, in the source "
+                f"{limit:.4g} at most where it {'retracts' if ours.retracts[k] else 'does not'}"
+            )
+    return found
