@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+UTF8, RAW = "utf-8", "surrogateescape"  # names of files, whatever the locale, may be no text
 Line = dict[str, str]  # a row as it is read back
 
 
@@ -22,7 +23,7 @@ class Rows:
     def read(self) -> None:
         """Read the rows there are; several benchmarks may append to one file."""
         if self.path.exists():
-            with self.path.open(newline="") as file:
+            with self.path.open(newline="", encoding=UTF8, errors=RAW) as file:
                 self.rows = list(csv.DictReader(file))
 
     def has(self, **key: Any) -> bool:
@@ -52,7 +53,7 @@ class Rows:
         self.read()
         names = list(self.rows[0]) if self.rows else []
         added = [name for name in row if name not in names]
-        with self.path.open("w" if added else "a", newline="") as file:
+        with self.path.open("w" if added else "a", newline="", encoding=UTF8, errors=RAW) as file:
             writer = csv.DictWriter(file, fieldnames=[*names, *added], restval="")
             if added:
                 writer.writeheader()

@@ -19,8 +19,8 @@ from decmcts.print.machine import Head, Machine, Stands, line_of
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corner, mm
 ALL_FENCED = (
-    "name fewer with --fenced; if by the events all of them failed, say what is printed by --layer N"
-    " or --height Z in place of --events"
+    "name fewer with --fenced; if by the events all of them failed, say what is printed"
+    " by --layer N or --height Z in place of --events"
 )
 BESIDE_MM = 0.01  # more than it must be: files round
 
