@@ -63,6 +63,20 @@ def test_names_of_prints_may_be_no_text(tmp_path: Path) -> None:
     assert [row["print"] for row in again.rows] == ["teil\udcfc.gcode", "größe.gcode"]
 
 
+@pytest.mark.parametrize("left", ["b,2,", "b", "", "b,2,3.5,"])
+def test_a_row_that_was_broken_off_is_made_again(tmp_path: Path, left: str) -> None:
+    """A power failure left half a row: it counted as made, and the table was an internal error."""
+    path = tmp_path / "rows.csv"
+    rows = Rows(path, ("print",))
+    rows.append({"print": "a", "cost": 1, "error": ""})
+    path.write_bytes(path.read_bytes() + left.encode())
+    again = Rows(path, ("print",))
+    assert again.missing([{"print": "a"}, {"print": "b"}]) == [{"print": "b"}]
+    again.append({"print": "b", "cost": 2, "error": ""})
+    assert path.read_text().split() == ["print,cost,error", "a,1,", "b,2,"]
+    assert [row["cost"] for row in Rows(path, ("print",)).rows] == ["1", "2"]
+
+
 @pytest.mark.slow
 def test_rows_are_kept_and_not_made_again(own: Path, tmp_path: Path) -> None:
     """An experiment takes hours: one that was stopped goes on where it was."""
