@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 import statistics
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from decmcts.formats.files.atomic import write_whole
+
+UTF8, RAW = "utf-8", "surrogateescape"  # names of files, whatever the locale, may be no text
 Line = dict[str, str]  # a row as it is read back
 
 
@@ -17,13 +21,20 @@ class Rows:
     def __init__(self, path: Path, key: tuple[str, ...]) -> None:
         self.path, self.key = path, key
         self.rows: list[Line] = []
+        self._torn = False  # the last row was not written to its end
         self.read()
 
     def read(self) -> None:
-        """Read the rows there are; several benchmarks may append to one file."""
+        """Read the rows there are; several benchmarks may append to one file.
+
+        What ends without a line end is no row: whoever wrote it was killed, or the disk was full.
+        """
         if self.path.exists():
-            with self.path.open(newline="") as file:
-                self.rows = list(csv.DictReader(file))
+            text = self.path.read_bytes()
+            whole = text[: text.rfind(b"\n") + 1]
+            self._torn = len(whole) < len(text)
+            lines = io.StringIO(whole.decode(UTF8, RAW), newline="")
+            self.rows = list(csv.DictReader(lines))
 
     def has(self, **key: Any) -> bool:
         """Say whether a run with this key was made already, by this process or another."""
@@ -47,17 +58,27 @@ class Rows:
         return "\n## Failed\n\n" + "".join(lines) if lines else ""
 
     def append(self, row: dict[str, Any]) -> None:
-        """Add one row at the end of the file at once; new columns are empty in older rows."""
+        """Add one row at the end of the file at once; new columns are empty in older rows.
+
+        Where it brings new columns, or stands behind a torn row, the file is written anew.
+        """
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self.read()
         names = list(self.rows[0]) if self.rows else []
         added = [name for name in row if name not in names]
-        with self.path.open("w" if added else "a", newline="") as file:
-            writer = csv.DictWriter(file, fieldnames=[*names, *added], restval="")
-            if added:
-                writer.writeheader()
-                writer.writerows(self.rows)
-            writer.writerow(row)
+        lines = io.StringIO(newline="")
+        writer = csv.DictWriter(lines, fieldnames=[*names, *added], restval="")
+        anew = added or self._torn
+        if anew:
+            writer.writeheader()
+            writer.writerows(self.rows)
+        writer.writerow(row)
+        text = lines.getvalue().encode(UTF8, RAW)
+        if anew:
+            write_whole(self.path, text)
+        else:
+            with self.path.open("ab") as file:
+                file.write(text)
         self.rows.append({name: str(value) for name, value in row.items()})
 
 

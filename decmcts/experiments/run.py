@@ -214,7 +214,7 @@ def _shown(
     last = {rows.key_of(row): row for row in rows.rows}
     mine = [last[key] for key in wanted if key in last]
     text = f"{chosen.question}\n\n{_setting(mine)}\n\n{chosen.tables(mine)}"
-    write_whole(page, text.encode())
+    write_whole(page, text.encode(errors="replace"))  # names of files may be no text
     image = io.BytesIO()
     chosen.draw(mine).savefig(image, format="png", dpi=DPI)
     write_whole(picture, image.getvalue())

@@ -74,9 +74,9 @@ def _together(files: Sequence[HeadFile]) -> list[HeadFile]:
 
 
 def _program(file: HeadFile, machine: Machine, index: dict[int, int]) -> HeadProgram:
-    limits = _limits_for(file, machine)
-    stated = stated_limits(file.lines.text)
-    rows = state_limits(file.track.table, limits.under(stated), stated)
+    limits, own = _limits_for(file, machine)
+    stated = MotionLimits.unstated() if own else stated_limits(file.lines.text)
+    rows = state_limits(file.track.table, limits.under(stated), stated, own=not own)
     moves, line = file_program(file.lines, file.motion, file.track, rows)
     stops, begins, ends, warm_c = _stops(file, line, index)
     rates = [head.idle.heat_c_s for head in machine.heads if head.name == file.name]
@@ -103,11 +103,15 @@ def _in_force(feed: Floats) -> Floats:
     return np.where(last >= 0, feed[np.maximum(last, 0)], FIRST_FEED)
 
 
-def _limits_for(file: HeadFile, machine: Machine) -> MotionLimits:
+def _limits_for(file: HeadFile, machine: Machine) -> tuple[MotionLimits, bool]:
+    """Return the limits a file's head moves under, and whether they are its own.
+
+    Where several heads print, what the file states does not replace a head's own.
+    """
     for head in machine.heads:
         if head.name == file.name:
-            return machine.limits_of(head)
-    return machine.limits
+            return machine.limits_of(head), head.limits is not None and file.place[1] > 1
+    return machine.limits, False
 
 
 def _stops(

@@ -187,6 +187,12 @@ def test_a_name_that_is_too_long_is_found_before_the_work(tmp_path: Path) -> Non
     assert longest.read_bytes() == b"G28\n"
 
 
+def test_a_name_that_the_locale_cannot_write_is_found_before_the_work(tmp_path: Path) -> None:
+    """`launch` for a head with an umlaut was an internal error where names are ASCII."""
+    with pytest.raises(InputError, match=r"no letter '\\ud800' for names of files"):
+        refuse_place(tmp_path / "out_\ud800.gcode")
+
+
 @pytest.mark.parametrize("command", ["plan", "launch"])
 @pytest.mark.parametrize("name", ["x" * 300 + ".gcode", "no/such/folder.gcode"])
 def test_outputs_are_asked_for_before_the_work(

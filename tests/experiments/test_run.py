@@ -15,6 +15,7 @@ from decmcts.errors import InputError
 from decmcts.experiments.catalogue import EXPERIMENTS, compute
 from decmcts.experiments.cluster import cluster_at
 from decmcts.experiments.kinds import Asked
+from decmcts.experiments.rows import Rows
 from decmcts.version import __version__
 from sim.experiments.made_print import made_gcode
 
@@ -51,6 +52,29 @@ def rows_by(executor: Executor, own: Path, out: Path) -> list[dict[str, str]]:
     found = experiment("two-heads", out, prints=own, iterations=1, seeds=2, executor=executor)
     assert not found.failed
     return [{k: v for k, v in row.items() if k not in MEASURED} for row in found.rows]
+
+
+def test_names_of_prints_may_be_no_text(tmp_path: Path) -> None:
+    """They are written and read back the same, whatever the locale."""
+    rows = Rows(tmp_path / "rows.csv", ("print",))
+    for name in ("teil\udcfc.gcode", "größe.gcode"):
+        rows.append({"print": name, "error": ""})
+    again = Rows(tmp_path / "rows.csv", ("print",))
+    assert [row["print"] for row in again.rows] == ["teil\udcfc.gcode", "größe.gcode"]
+
+
+@pytest.mark.parametrize("left", ["b,2,", "b", "", "b,2,3.5,"])
+def test_a_row_that_was_broken_off_is_made_again(tmp_path: Path, left: str) -> None:
+    """A power failure left half a row: it counted as made, and the table was an internal error."""
+    path = tmp_path / "rows.csv"
+    rows = Rows(path, ("print",))
+    rows.append({"print": "a", "cost": 1, "error": ""})
+    path.write_bytes(path.read_bytes() + left.encode())
+    again = Rows(path, ("print",))
+    assert again.missing([{"print": "a"}, {"print": "b"}]) == [{"print": "b"}]
+    again.append({"print": "b", "cost": 2, "error": ""})
+    assert path.read_text().split() == ["print,cost,error", "a,1,", "b,2,"]
+    assert [row["cost"] for row in Rows(path, ("print",)).rows] == ["1", "2"]
 
 
 @pytest.mark.slow

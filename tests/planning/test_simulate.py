@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 from agents.messages.event_stream import read_events, stream_of
 from decmcts.errors import InputError
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step, unheard
 from decmcts.planning.options import Cut, Rules, TeamSearch
@@ -63,6 +65,21 @@ def test_whose_heads_are_simulated_is_said_where_nobody_names_them(made):
         said = []
         simulate(inputs, machine, report=said.append)
         assert [getattr(event, "text", "") for event in said].count(USUAL_HEADS) == count
+
+
+def test_what_files_state_does_not_replace_a_heads_own_limits(made):
+    """A slower head was simulated as fast as its source said: M201 of 1500 mm/s² here."""
+    _, files, _ = made
+    machine = load_machine("dual-gantry")
+    slow = replace(machine.limits, max_acceleration=(200.0, 200.0, 100.0, 5000.0))
+    left, right = machine.heads
+    machine = replace(machine, heads=(left, replace(right, limits=slow)))
+    rates = [
+        {limits.max_acceleration for limits in program.limits}
+        for program in simulate(files, machine).simulation.programs
+    ]
+    assert (1500.0, 1500.0, 300.0, 5000.0) in rates[0]
+    assert rates[1] == {slow.max_acceleration}
 
 
 def test_all_filament_is_pushed(made):

@@ -120,6 +120,17 @@ def refuse_special(path: Path) -> None:
         raise InputError("a device or pipe is no file to write", path=path, advice="name a file")
 
 
+def refuse_foreign_letters(path: Path) -> None:
+    """Raise InputError for a name with letters that names of files cannot have in this locale."""
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError as error:
+        raise InputError(
+            f"this locale has no letter {error.object[error.start]!r} for names of files",
+            path=path, advice="set LC_ALL=C.UTF-8, or name it otherwise",
+        ) from None  # fmt: skip
+
+
 def refuse_long_name(path: Path) -> None:
     """Raise InputError for a name that is longer than the file system takes."""
     most = NAME_BYTES

@@ -42,6 +42,7 @@ FASTEST_C_S = 100.0
 MOST_MM = 20.0  # of filament; more pulls it out of the hot end
 _LEAST_S = 1.0
 _LEAST_C_S = 0.01
+_LEAST = 1e-6  # of a limit that is not 0; with less, times are no numbers any more
 _MAY_BE_ZERO = ("jerk", "junction_deviation")
 MOST_BYTES = 64  # in UTF-8; file systems take 255 for the whole name
 _FORBIDDEN = frozenset('/\\:*?"<>|')
@@ -245,8 +246,8 @@ def _limit(table: Fields, name: str, usual: Any) -> Any:
     least = float(np.min(value))
     if least < 0.0:
         table.fail(name, f"{least:g} is below 0")
-    if least == 0.0 and name not in _MAY_BE_ZERO:
-        table.fail(name, "0 would never arrive")
+    if least < _LEAST and name not in _MAY_BE_ZERO:
+        table.fail(name, f"{least:g} would never arrive; {_LEAST:g} is the least")
     return value
 
 

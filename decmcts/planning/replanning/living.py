@@ -18,6 +18,10 @@ from decmcts.print.kinematics import separations
 from decmcts.print.machine import Head, Machine, Stands, line_of
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corner, mm
+ALL_FENCED = (
+    "name fewer with --fenced; if by the events all of them failed, say what is printed"
+    " by --layer N or --height Z in place of --events"
+)
 BESIDE_MM = 0.01  # more than it must be: files round
 
 
@@ -36,7 +40,7 @@ def living_machine(machine: Machine, fenced: Mapping[str, Stands], rest: Contour
     """
     heads = [head for head in machine.heads if head.name not in fenced]
     if not heads:
-        raise InputError("every head is fenced, so none is left to print with")
+        raise InputError("every head is fenced, so none is left to print with", advice=ALL_FENCED)
     known = {head.name: head for head in machine.heads}
     for name, stands in fenced.items():
         line = line_of(stands)

@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from decmcts.errors import InputError, VerificationError
-from decmcts.formats.files.atomic import refuse_long_name, refuse_special, write_whole
+from decmcts.formats.files.atomic import (
+    refuse_foreign_letters,
+    refuse_long_name,
+    refuse_special,
+    write_whole,
+)
 from decmcts.formats.gcode.text.source_text import (
     PACKED_SUFFIXES,
     load_text,
@@ -34,8 +39,8 @@ def refuse_unwritable(
         raise InputError("standard input is not read", advice="give the name of a file")
     taken: set[Path] = set()
     for path in (p for p in paths if p is not None and p != STDOUT):
-        place = Path(os.path.realpath(path))
         refuse_place(path)
+        place = Path(os.path.realpath(path))
         if _same(path, source):
             raise InputError(
                 "the output is the input",
@@ -56,6 +61,7 @@ def _same(path: Path, other: Path) -> bool:
 
 def refuse_place(path: Path, *, advice: str = "name another output") -> None:
     """Raise InputError where no file can be written under this name."""
+    refuse_foreign_letters(path)
     folder = Path(os.path.realpath(path)).parent
     if not folder.is_dir():
         raise InputError("no such folder", path=folder, advice="make it, or name another output")

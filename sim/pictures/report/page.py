@@ -60,7 +60,7 @@ def write_report(
     text = _piece("index.html")
     for name, piece in pieces.items():
         text = text.replace(f"<!--{name}-->", piece, 1)
-    write_whole(path, text.encode())
+    write_whole(path, text.encode(errors="replace"))  # names of files may be no text
 
 
 def write_run_report(

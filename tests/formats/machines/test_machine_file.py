@@ -194,6 +194,11 @@ def test_unknown_machine_lists_the_known():
         ('name = "mine"', "", "name: missing"),
         ('name = "mine"', 'name = "mine"\nlimits = { jirk = 1 }', "limits.jirk: unknown key"),
         ('name = "mine"', 'name = "mine"\nlimits = { travel_feed = 0 }', "0 would never arrive"),
+        (
+            'name = "mine"',
+            'name = "mine"\nlimits = { acceleration = 1e-300 }',
+            "limits.acceleration: 1e-300 would never arrive; 1e-06 is the least",
+        ),
         ('name = "a"', 'name = "a"\ntools = [-1]', "tool numbers"),
         ('name = "a"', 'name = "a"\npace = 0.9', "pace: 0.9 is below 1"),
         ('name = "a"', 'name = "a"\nidle = 3', r"heads\[0\]\.idle: expected a table"),

@@ -41,6 +41,14 @@ def test_every_piece_is_in_the_page():
     assert {name for name in LIBRARIES if (PAGE / name).is_file()} == set(LIBRARIES)
 
 
+def test_the_name_of_the_source_may_be_no_text(make, tmp_path):
+    """Bytes of another encoding ended `plan --report` with an internal error."""
+    document = make.two_head_plan()
+    details = ReportDetails(file="teil\udcfc.gcode")
+    write_report(tmp_path / "r.html", before=document, after=document, details=details)
+    assert "<title>teil?.gcode" in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
 def test_the_page_needs_no_network(make, tmp_path):
     """A report opened on a print farm without internet must work."""
     document = make.two_head_plan()
