@@ -1,4 +1,4 @@
-"""The judge's book of settings: what is in force when a bead is laid.
+"""The judge's book of settings: what is in force when a bead is laid, and where a head travels.
 
 Each bead is laid with the fan, the factors of speed and flow, accelerations, pressure advance and
 the like that it is laid with in the source. A setting is a word of a command (`M204 P`), for the
@@ -17,11 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.arrays import Ints
+from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.command_book import commands_of
 from sim.files.lines import in_force
 
+FAR_MM = 0.05  # across the bed: what is less is no travel
 _FAN = re.compile(rb"M(10[67]|12[67])(?![\d.]|[A-Z_]{2})(.*)", re.I | re.S)
 _SET = re.compile(
     rb"(M(?:20[13-8]|22[01]|566|572|593|74|900)(?![\d.]|[A-Z_]{2})"
@@ -40,6 +41,7 @@ _OF_TOOL = {  # the words that say of which tool
     b"M221": (b"T", b"D"), b"M900": (b"T",), b"M572": (b"D",),
     b"SET_PRESSURE_ADVANCE": (b"EXTRUDER",),
 }  # fmt: skip
+_OF_TRAVELS = re.compile(r"M204 T|SET_VELOCITY_LIMIT|M20[135]|M220|M566|M593")  # how they begin
 _UNSET = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was set
 
 SettingLines = dict[str, list[tuple[int, str]]]
@@ -77,6 +79,55 @@ def check_settings(
             for k in wrong[:LIMIT].tolist()
         ]
     return listed(FaultKind.STATE, lines[:LIMIT], total=total)
+
+
+@dataclass(frozen=True, slots=True)
+class TravelSettings:
+    """What limits the travels of a source: of each setting the values in force on any of them."""
+
+    values: dict[str, set[str]]
+
+    @staticmethod
+    def of(source: bytes, line: Ints) -> TravelSettings:
+        """Read them; `line`, (n,), is where it travels, from 1."""
+        found = {}
+        for name, due in settings_of(source).items():
+            if len(line) and _OF_TRAVELS.match(name):
+                held, names = _held(name, due, line)
+                found[name] = {names[k] for k in np.unique(held).tolist()}
+        return TravelSettings(found)
+
+    def differing(self, text: bytes, line: Ints) -> Iterator[str]:
+        """Yield where a file that was made from it travels with other values, in words.
+
+        Where the file has not set anything yet, what the machine begins with is in force.
+        """
+        ours = settings_of(text)
+        for name, known in self.values.items():
+            held, names = _held(name, ours.get(name, []), line)
+            other = [k > 0 and value not in known for k, value in enumerate(names)]
+            for row in np.flatnonzero(np.array(other)[held]).tolist():
+                value = names[held[row]]
+                yield f"line {line[row]} travels with {name} {value}, and the source never does"
+
+
+def _held(name: str, changes: list[tuple[int, str]], line: Ints) -> tuple[Ints, list[str]]:
+    """Return which value of a setting is in force at each line, and the values; 0: none was set."""
+    first = (0, _UNSET.get(name, ""))
+    names = list(dict.fromkeys(value for _, value in [first, *changes]))
+    return in_force([first, *changes], {value: k for k, value in enumerate(names)}, line), names
+
+
+def travelling(points: Floats, extrusion: Floats, placed: Flags | None) -> Ints:
+    """Return the moves across the bed that lay nothing, from the first that does to the last."""
+    across = np.hypot(*np.diff(points[:, :2], axis=0).T) > FAR_MM
+    if placed is not None:
+        across &= ~placed
+    laid = np.flatnonzero(across & (extrusion > 0.0))
+    if not len(laid):
+        return laid
+    between = np.flatnonzero(across & (extrusion == 0.0))
+    return between[(between > laid[0]) & (between < laid[-1])]
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ from sim.files.commands import check_commands
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.phases import in_phases
-from sim.files.settings import check_settings
+from sim.files.settings import TravelSettings, check_settings, travelling
 from sim.files.temperatures import check_temperatures
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
@@ -177,12 +177,13 @@ def _check_text(
     line = np.asarray(written.motions.line)[laid]
     faults, places = check_commands(written.text, document, line, epoch)
     filament = check_filament(written.motions, source, document, places, (laid, contour), taken)
-    return faults + filament + _check_source_text(written, document, matched, taken)
+    return faults + filament + _check_source_text(written, source, document, matched, taken)
 
 
 def _check_source_text(
-    written: ReadBack, document: GcodeDocument, matched: Matched, taken: Taken | None
-) -> list[Fault]:
+    written: ReadBack, moves: Motions, document: GcodeDocument, matched: Matched,
+    taken: Taken | None,
+) -> list[Fault]:  # fmt: skip
     """Check commands, settings and temperatures against the source's text, if there is one."""
     try:
         source = source_text(document)
@@ -190,14 +191,24 @@ def _check_source_text(
         return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
     if source is None:
         return []
+    travels = TravelSettings.of(source, travels_of(moves))
     known = matched.source_line >= 0
     line = np.asarray(written.motions.line)[matched.laid[known]]
     there = matched.source_line[known]
     return [
         *check_book(written.text, source, None if taken is None else taken.commands()),
         *check_settings(written.text, source, line, there, alike_of(matched.segments)[known]),
+        *listed(
+            FaultKind.STATE, list(travels.differing(written.text, travels_of(written.motions)))
+        ),
         *check_temperatures(written.text, source, line, there, own_tool=taken is not None),
     ]
+
+
+def travels_of(motions: Motions) -> Ints:
+    """Return the lines, from 1, in which a file travels from its first bead to its last."""
+    moves = travelling(motions.points, np.asarray(motions.extrusion), motions.placed)
+    return np.asarray(motions.line, np.int64)[moves]
 
 
 def source_text(document: GcodeDocument) -> bytes | None:

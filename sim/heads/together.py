@@ -18,7 +18,8 @@ from decmcts.print.plan import JointPlan
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
-from sim.files.written import moves_of, source_text
+from sim.files.settings import TravelSettings, travelling
+from sim.files.written import moves_of, source_text, travels_of
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, read_head_file
 from sim.heads.ledger import Printed, check_filament, dues_of
@@ -112,6 +113,7 @@ def judge_together(
         faults += _check_filament(walked, plan, job, document)
     if (source := source_text(document)) is not None:
         faults += check_heads_book([file.lines.text for file in files], source)
+        faults += _check_travels(files, source, document)
         if document.own_starts and complete:
             laid = [(each.file, each.walk.laid) for each in walked]
             faults += check_hot_ends(laid, source, job, document)
@@ -146,6 +148,22 @@ def _check_filament(
                 )
             )  # fmt: skip
     return check_filament(heads, dues_of(source, job, document), job, document)
+
+
+def _check_travels(
+    files: Sequence[HeadFile], source: bytes, document: GcodeDocument
+) -> list[Fault]:
+    """Check that all heads travel under limits under which the source travels."""
+    moves = moves_of(document)
+    if moves is None:
+        return []
+    travels, texts = TravelSettings.of(source, travels_of(moves)), list[str]()
+    for file in files:
+        motion = file.motion
+        line = motion.line[travelling(motion.points, motion.extrusion, motion.placed)] + 1
+        found = travels.differing(file.lines.text, line)
+        texts += [f"{Path(file.path).name} {text}" for text in found]
+    return listed(FaultKind.STATE, texts)
 
 
 def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode.dialects.dialect import Kind, classify
-from sim.files.settings import check_settings, settings_of
+from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
 from tests.makers.settings import CASES, laid_under, made
 
 TWO_WAYS = {"advance of each tool", "advance of all tools"}  # no firmware reads it in both ways
@@ -53,6 +53,40 @@ def test_settings_of_tools_and_fans_are_their_own() -> None:
         "M900 T1 K .1, in the source with .3 (line 4 there)",
         "fan 1 not set, in the source with 9 (line 4 there)",
     ]
+
+
+TRAVELS = b"M204 S3000\nG1 X9\nM204 S900\nG1 X1 E1\nM204 S3000\nG1 X9\nM204 S500\nG1 X1 E1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (TRAVELS, []),
+        (TRAVELS.replace(b"M204 S3000\nG1 X9\nM204 S500", b"M204 T3000\nG1 X9\nM204 S500"), []),
+        (
+            b"G1 X1 E1\nG1 X9\nM204 S900\nG1 X1 E1\nG1 X9\nM204 S500\nG1 X1 E1\n",
+            ["line 5 travels with M204 T 900, and the source never does"],  # line 2: not set yet
+        ),
+        (
+            TRAVELS + b"M204 P500 T20\nG1 X9\nG1 X1 E1\n",
+            ["line 10 travels with M204 T 20, and the source never does"],
+        ),
+    ],
+)
+def test_travels_are_as_quick_as_in_the_source(text: bytes, said: list[str]) -> None:
+    """A bead's acceleration is not a travel's, whatever stands above it in another order."""
+    moves = [k for k, line in enumerate(text.splitlines(), 1) if line == b"G1 X9"]
+    known = TravelSettings.of(TRAVELS, np.array([2, 6]))
+    assert list(known.differing(text, np.array(moves))) == said
+
+
+def test_what_travels_is_told_from_what_lays_and_what_homes() -> None:
+    """Nothing above the first bead and below the last: there the source's own lines stand."""
+    x = np.array([0.0, 5.0, 9.0, 20.0, 20.01, 0.0, 30.0, 40.0, 50.0])
+    points = np.stack([x, 0.0 * x, 0.0 * x], axis=1)
+    extrusion = np.array([0.0, 1.0, 0.0, 0.0, 0.0, -0.5, 1.0, 0.0])
+    placed = np.array([False, False, False, False, True, False, False, False])
+    assert travelling(points, extrusion, placed).tolist() == [2]
 
 
 @pytest.mark.parametrize("speed", ["S={fan}", "S1.2.3", "S="])
