@@ -292,7 +292,7 @@ def ways_of(book: Book, motions: Motions) -> Ways:
     """Return the ways from each contour to the next."""
     points, extrusion = np.asarray(motions.points), np.asarray(motions.extrusion)
     plain = book.kept & (book.lines < 0)
-    spans = Spans(*(values[1:] for values in (book.behind, book.bead, book.tool, plain)))
+    spans = Spans(book.behind[1:], book.bead[1:], book.tool[1:], plain[1:])
     return Ways.of(points, extrusion, _withdrawn(motions), spans)
 
 

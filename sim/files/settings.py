@@ -127,7 +127,7 @@ def travelling(points: Floats, extrusion: Floats, placed: Flags | None) -> Ints:
     if not len(laid):
         return laid
     between = np.flatnonzero(across & (extrusion == 0.0))
-    return between[(between > laid[0]) & (between < laid[-1])]
+    return np.asarray(between[(between > laid[0]) & (between < laid[-1])])
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,29 +60,33 @@ class Ways(NamedTuple):
         bare = ~held & (np.abs(extrusion[move]) < 1e-6)
         return Ways(
             spans.tool, spans.plain, np.bincount(way, held, n) > 0,
-            np.bincount(way, step[move] * bare, n),
-            np.linalg.norm(points[end] - points[begin], axis=1),
+            np.bincount(way, step[move] * bare, n).astype(np.float64),
+            np.asarray(np.linalg.norm(points[end] - points[begin], axis=1)),
         )  # fmt: skip
 
 
-def farther_unretracted(ours: Ways, theirs: Ways) -> dict[int, str]:
+def farther_unretracted(ours: Ways, theirs: Ways, *, parted: bool = False) -> dict[int, str]:
     """Return, in words, the ways on which a file goes unretracted farther than its source.
 
-    Tools that the source never retracts are not judged.
+    Tools that the source never retracts are not judged. With `parted` a way may be several
+    travels, of which the first is too short to retract for.
     """
-    pulling = np.unique(theirs.tool[theirs.plain & theirs.retracts])
     shown = theirs.plain & theirs.retracts
-    most = {tool: theirs.unretracted[shown & (theirs.tool == tool)].max() for tool in pulling}
+    pulling = np.unique(theirs.tool[shown]).tolist()
     own = np.isin(theirs.tool, pulling)
     bare = theirs.unretracted[own & ~theirs.retracts].max(initial=0.0)
     longer = theirs.distance[own & theirs.retracts & (theirs.distance > bare)]
-    below = longer.min() - JUST_MM if len(longer) else SHORT_MM
+    short = max(bare, (longer.min() - JUST_MM if len(longer) else SHORT_MM) - SAME_MM)
+    most = {t: theirs.unretracted[shown & (theirs.tool == t)].max() for t in pulling}
+    if parted:
+        most = {tool: max(mm, short) for tool, mm in most.items()}
     found = {}
     for k in np.flatnonzero(ours.plain & np.isin(ours.tool, pulling)).tolist():
-        limit = most[ours.tool[k]] if ours.retracts[k] else max(bare, below - SAME_MM)
+        pulls = bool(ours.retracts[k])
+        limit = most[int(ours.tool[k])] if pulls else short
         if ours.unretracted[k] > limit + SAME_MM:
             found[k] = (
                 f"the nozzle travels {ours.unretracted[k]:.4g} mm unretracted, in the source "
-                f"{limit:.4g} at most where it {'retracts' if ours.retracts[k] else 'does not'}"
+                f"{limit:.4g} at most where it {'retracts' if pulls else 'does not'}"
             )
     return found

@@ -160,7 +160,8 @@ def _check_travels(
     travels, texts = TravelSettings.of(source, travels_of(moves)), list[str]()
     for file in files:
         motion = file.motion
-        line = motion.line[travelling(motion.points, motion.extrusion, motion.placed)] + 1
+        placed = motion.placed[motion.line]
+        line = motion.line[travelling(motion.points, motion.extrusion, placed)] + 1
         found = travels.differing(file.lines.text, line)
         texts += [f"{Path(file.path).name} {text}" for text in found]
     return listed(FaultKind.STATE, texts)
