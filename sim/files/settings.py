@@ -94,7 +94,8 @@ class TravelSettings:
         for name, due in settings_of(source).items():
             if len(line) and _OF_TRAVELS.match(name):
                 held, names = _held(name, due, line)
-                found[name] = {names[k] for k in np.unique(held).tolist()}
+                if held.all() or names[0]:  # else it also travels as the machine begins
+                    found[name] = {names[k] for k in np.unique(held).tolist()}
         return TravelSettings(found)
 
     def differing(self, text: bytes, line: Ints) -> Iterator[str]:

@@ -41,7 +41,9 @@ class Ways(NamedTuple):
     distance: Floats  # mm from end to end
 
     @staticmethod
-    def of(points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans) -> Ways:
+    def of(
+        points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans, *, parted: bool = False
+    ) -> Ways:  # fmt: skip
         """Measure ways; linear in the moves.
 
         Parameters
@@ -49,6 +51,8 @@ class Ways(NamedTuple):
         points : (m + 1, 3)
         extrusion : (m,) mm of filament
         withdrawn : (m,) whether the firmware has retracted before each move
+        parted
+            Ways are made of several travels: the longest move unretracted counts, not their sum.
         """
         begin, end = spans.begin, spans.end
         total = np.concatenate([[0.0], np.cumsum(extrusion)])
@@ -58,9 +62,10 @@ class Ways(NamedTuple):
         move = np.arange(len(way)) + np.repeat(begin - np.cumsum(count) + count, count)
         held = withdrawn[move] | (total[move] - total[begin][way] < -PULLED_MM)
         bare = ~held & (np.abs(extrusion[move]) < 1e-6)
+        unretracted = np.zeros(n)
+        (np.maximum if parted else np.add).at(unretracted, way, step[move] * bare)
         return Ways(
-            spans.tool, spans.plain, np.bincount(way, held, n) > 0,
-            np.bincount(way, step[move] * bare, n).astype(np.float64),
+            spans.tool, spans.plain, np.bincount(way, held, n) > 0, unretracted,
             np.asarray(np.linalg.norm(points[end] - points[begin], axis=1)),
         )  # fmt: skip
 
@@ -69,7 +74,7 @@ def farther_unretracted(ours: Ways, theirs: Ways, *, parted: bool = False) -> di
     """Return, in words, the ways on which a file goes unretracted farther than its source.
 
     Tools that the source never retracts are not judged. With `parted` a way may be several
-    travels, of which the first is too short to retract for.
+    travels, some of them too short to retract for.
     """
     shown = theirs.plain & theirs.retracts
     pulling = np.unique(theirs.tool[shown]).tolist()

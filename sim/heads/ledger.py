@@ -285,7 +285,7 @@ class _Account:
         above = np.maximum(motion.line - 1, 0)
         withdrawn = np.asarray(motion.modes[above, FIRMWARE_RETRACTED] > 0)
         spans = Spans(begin, end, np.full(n, self.head.tool), np.ones(n, np.bool_))
-        ways = Ways.of(motion.points, motion.extrusion, withdrawn, spans)
+        ways = Ways.of(motion.points, motion.extrusion, withdrawn, spans, parted=True)
         found = farther_unretracted(ways, self.dues.ways, parted=True).items()
         return [f"above line {self._line(int(end[k]))} {text}" for k, text in found]
 

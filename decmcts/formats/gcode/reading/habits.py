@@ -38,6 +38,7 @@ LONGEST_RULE_S = 600.0  # what is beyond this is no layer time
 _DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*(\d*+\.?\d*+)", re.I)
 HABIT_SHARE = 0.8  # of the long travels inside the part that must be bare
 LEAST_SEEN = 5  # of them, where no setting names the habit; of changes to a next layer, always
+ROUNDED_MM = 5e-4  # of a length; travels as long as one that is retracted are too
 LAYERS = 2.0  # layer heights a change to a next layer may climb
 _BARE_INSIDE = re.compile(rb"^; *(?:%b) *= *1" % either("bare_inside"), re.M)
 
@@ -227,8 +228,8 @@ def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
     kept = np.concatenate([[0], np.cumsum(pulled[order])])  # retracted but shorter
     wrong = kept + np.concatenate([np.cumsum(~pulled[order][::-1])[::-1], [0]])
     cut = int(np.argmin(wrong))
-    best = float(np.floor(1000.0 * length[order[cut]]) / 1000.0) if cut < len(length) else np.inf
-    return min(best, LONGEST_BARE_MM)
+    best = float(length[order[cut]]) - ROUNDED_MM if cut < len(length) else np.inf
+    return float(min(max(0.0, round(best, 4)), LONGEST_BARE_MM))
 
 
 def _hop(motion: Motion, gaps: Gaps, pulled: NDArray[np.bool_]) -> float:
