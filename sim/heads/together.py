@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.idle import Idle
@@ -113,7 +115,7 @@ def judge_together(
         faults += _check_filament(walked, plan, job, document)
     if (source := source_text(document)) is not None:
         faults += check_heads_book([file.lines.text for file in files], source)
-        faults += _check_travels(files, source, document)
+        faults += _check_travels(walked, source, document)
         if document.own_starts and complete:
             laid = [(each.file, each.walk.laid) for each in walked]
             faults += check_hot_ends(laid, source, job, document)
@@ -150,20 +152,23 @@ def _check_filament(
     return check_filament(heads, dues_of(source, job, document), job, document)
 
 
-def _check_travels(
-    files: Sequence[HeadFile], source: bytes, document: GcodeDocument
-) -> list[Fault]:
-    """Check that all heads travel under limits under which the source travels."""
+def _check_travels(walked: Sequence[Walked], source: bytes, document: GcodeDocument) -> list[Fault]:
+    """Check that all heads travel under limits under which the source travels.
+
+    But for hops within a piece, which stay under those of its beads.
+    """
     moves = moves_of(document)
     if moves is None:
         return []
     travels, texts = TravelSettings.of(source, travels_of(moves)), list[str]()
-    for file in files:
-        motion = file.motion
-        placed = motion.placed[motion.line]
-        line = motion.line[travelling(motion.points, motion.extrusion, placed)] + 1
-        found = travels.differing(file.lines.text, line)
-        texts += [f"{Path(file.path).name} {text}" for text in found]
+    for each in walked:
+        motion, file = each.file.motion, each.file
+        found = travelling(motion.points, motion.extrusion, motion.placed[motion.line])
+        begin, end = np.array([(p.begin, p.end) for p in each.walk.laid], np.int64).reshape(-1, 2).T
+        within = np.searchsorted(begin, found, "right") > np.searchsorted(end, found, "right")
+        line = motion.line[found[~within]] + 1
+        differing = travels.differing(file.lines.text, line)
+        texts += [f"{Path(file.path).name} {text}" for text in differing]
     return listed(FaultKind.STATE, texts)
 
 

@@ -72,7 +72,7 @@ from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import OwnFilament, feeds_one_bead, own_lines
 from decmcts.formats.gcode.writing.park_file import Z_FEED
 from decmcts.formats.gcode.writing.sync_points import HeadWaits, SyncPoints, number_sync_points
-from decmcts.formats.gcode.writing.writer import contours_ahead, print_contour
+from decmcts.formats.gcode.writing.writer import first_state, print_contour, prints_ahead
 from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -151,7 +151,7 @@ class _HeadFileWriter:
         self.beads = BeadRows.of(self.document, job)
         self.kinds: list[int] = head.kind.tolist()  # of the head's actions
         self.contours, self.epochs = head.contour.tolist(), job.contours.epoch.tolist()
-        self.prints, self.ahead = set(self.contours), contours_ahead(head)
+        self.prints, self.ahead = set(self.contours), prints_ahead(head)
         self.idle, self.practice = idle, idle.over(job.practice(tool))
         self.stands = stands_of(head, waits.head, job.contours.epoch, idle.after_s)
         self.hot_end = HotEndTarget()
@@ -211,7 +211,8 @@ class _HeadFileWriter:
             self._print(k, passed)
         elif kind != _WAIT:
             if (ahead := self.ahead[k]) >= 0:
-                self.emitter.set_travel(self.beads.state[ahead])
+                state = first_state(self.beads, self.document, self.head, ahead)
+                self.emitter.set_travel(state)
             self.emitter.travel(self._path(k), passed)
         self.waits.ended(k)
 

@@ -77,13 +77,13 @@ def write_gcode(
     blocks = iter(document.blocks)
     block = next(blocks, None)
     path: list[NDArray[np.float64]] = []
-    ahead = contours_ahead(actions)
+    ahead = prints_ahead(actions)
     for k, kind in enumerate(map(ActionKind, actions.kind.tolist())):
         if kind is ActionKind.TRAVEL:
             path.append(actions.action_path(k))
         if kind is ActionKind.WAIT:
             if ahead[k] >= 0:
-                emitter.set_travel(beads.state[ahead[k]])
+                emitter.set_travel(first_state(beads, document, actions, ahead[k]))
             pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
             path = []
         if kind is not ActionKind.PRINT:
@@ -105,12 +105,21 @@ def write_gcode(
     save_text(emitter.text(), out)
 
 
-def contours_ahead(actions: HeadActions) -> list[int]:
-    """Return for each action the contour that is printed with it or next, -1 for none."""
-    ahead: list[int] = actions.contour[::-1].tolist()
-    for k in range(1, len(ahead)):
-        ahead[k] = ahead[k] if ahead[k] >= 0 else ahead[k - 1]
-    return ahead[::-1]
+def prints_ahead(actions: HeadActions) -> list[int]:
+    """Return for each action which one prints next, itself too, -1 for none."""
+    prints = actions.kind == ActionKind.PRINT
+    numbers = np.where(prints, np.arange(len(prints)), len(prints))
+    ahead = np.minimum.accumulate(numbers[::-1])[::-1]
+    return list(np.where(ahead < len(prints), ahead, -1).tolist())
+
+
+def first_state(beads: BeadRows, document: GcodeDocument, actions: HeadActions, action: int) -> int:
+    """Return the state in which an action that prints begins."""
+    contour, entry = int(actions.contour[action]), int(actions.entry[action])
+    if beads.plain[contour] and not entry:
+        return beads.state[contour]
+    rows = traversal(beads.job.contours, contour, entry).rows[1:]
+    return int(document.point_state[rows[-1] if actions.reversed[action] else rows[0]])
 
 
 def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) -> None:

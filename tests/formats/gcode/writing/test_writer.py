@@ -15,6 +15,8 @@ from decmcts.formats.gcode import (
     same_extrusions,
     write_gcode,
 )
+from decmcts.formats.gcode.writing.beads import BeadRows
+from decmcts.formats.gcode.writing.writer import first_state, prints_ahead
 from decmcts.print.contours import Role
 from decmcts.print.plan import ActionKind
 from decmcts.print.toolpath import Toolpath
@@ -472,3 +474,17 @@ def inserted(actions, place, lift, seconds):
         end_s=put(actions.end_s, begin, begin + seconds),
         after_offsets=np.zeros(len(actions) + 3, np.int64),
     )
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_travel_is_limited_as_where_its_contour_begins(read, turned):
+    """Not as where it ends: what is set within it for the first time cannot be taken back."""
+    text = "M204 S900\nG1 X5 Y0 Z.2 F9000\nG1 X9 E.5 F900\nM220 S80\nG1 X20 E.5\n"
+    job, document = read(text, start=M83)
+    path = Toolpath.of(np.array([0], np.int32), np.array([turned]))
+    actions = direct_actions(job, path)
+    (action,) = np.flatnonzero(actions.kind == ActionKind.PRINT).tolist()
+    assert set(prints_ahead(actions)[: action + 1]) == {action}
+    state = first_state(BeadRows.of(document, job), document, actions, action)
+    values = {document.states.values[k] for k in document.states.rows[state].tolist()}
+    assert ("M220 S80" in values) == turned
