@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument, Motions
-from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED
 from decmcts.formats.gcode.document import Block
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -282,10 +281,8 @@ class _Account:
         """Check that the head travels unretracted no farther than the source does."""
         begin, end = np.array(self.between, np.int64).reshape(-1, 2).T
         motion, n = self.head.file.motion, len(begin)
-        above = np.maximum(motion.line - 1, 0)
-        withdrawn = np.asarray(motion.modes[above, FIRMWARE_RETRACTED] > 0)
         spans = Spans(begin, end, np.full(n, self.head.tool), np.ones(n, np.bool_))
-        ways = Ways.of(motion.points, motion.extrusion, withdrawn, spans, parted=True)
+        ways = Ways.of(motion.points, motion.extrusion, motion.withdrawn, spans, parted=True)
         found = farther_unretracted(ways, self.dues.ways, parted=True).items()
         return [f"above line {self._line(int(end[k]))} {text}" for k, text in found]
 

@@ -55,6 +55,12 @@ class Motion:
     arc: NDArray[np.int32]  # (m,) number in `arcs` of the arc a move is a chord of, or NO_ARC
     arcs: Arcs
 
+    @property
+    def withdrawn(self) -> NDArray[np.bool_]:
+        """Whether the firmware has retracted before each move, (m,)."""
+        above = np.maximum(self.line - 1, 0)
+        return np.asarray(self.modes[above, kernels.FIRMWARE_RETRACTED] > 0)
+
 
 def interpret(lines: Lines) -> Motion:
     """Return what the lines do.

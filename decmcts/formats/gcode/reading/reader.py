@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, interpret
-from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
+from decmcts.formats.gcode.controller.moves_kernels import TOOL
 from decmcts.formats.gcode.controller.state import track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import MeasuredBeads, measure_beads
@@ -213,12 +213,10 @@ def _motions_of(parsed: _ParsedWithBeads) -> Motions:
     width, height = np.zeros(len(contour)), np.zeros(len(contour))
     width[contour >= 0] = parsed.beads.move_width
     height[contour >= 0] = parsed.beads.move_height
-    above = np.maximum(motion.line - 1, 0)
     return Motions(
         motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height,
         motion.placed[motion.line], motion.arc, motion.arcs,
-        motion.modes[motion.line, TOOL].astype(np.int64),
-        motion.modes[above, FIRMWARE_RETRACTED] > 0,
+        motion.modes[motion.line, TOOL].astype(np.int64), motion.withdrawn,
     )  # fmt: skip
 
 
