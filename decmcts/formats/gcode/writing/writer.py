@@ -135,12 +135,13 @@ def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) ->
 def emit_block(emitter: Emitter, block: Block) -> None:
     """Write a verbatim block with the controller brought to where the source had it."""
     begin = block.begin
-    if block.moves:
+    if not block.moves:
+        if begin.position[2] > emitter.at[2] + NEAR_MM:
+            x, y, _ = emitter.at
+            emitter.travel([(x, y, begin.position[2])])
+    elif math.dist(emitter.at, begin.position) >= NEAR_MM:
         emitter.set_travel(begin.state)
         emitter.bridge(begin.position)
-    elif begin.position[2] > emitter.at[2] + NEAR_MM:
-        x, y, _ = emitter.at
-        emitter.travel([(x, y, begin.position[2])])
     emitter.owe(begin.owed, firmware=begin.firmware_retracted)
     left = emitter.owed - begin.owed
     emitter.set_state(begin.state)

@@ -488,3 +488,12 @@ def test_a_travel_is_limited_as_where_its_contour_begins(read, turned):
     state = first_state(BeadRows.of(document, job), document, actions, action)
     values = {document.states.values[k] for k in document.states.rows[state].tolist()}
     assert ("M220 S80" in values) == turned
+
+
+def test_the_source_s_own_lines_begin_as_there(read, again):
+    """Where they stand at the end of a bead nothing is set for a travel that is not made."""
+    bead = "M204 S3000\nG1 X{} Y{} Z.2 F9000\nM204 S900\nG1 X90 E.5 F900\n"
+    text = "".join(bead.format(9 * k, k) for k in range(3))
+    text += "UNKNOWN_MACRO\nG1 X30 Y30\nUNKNOWN_MACRO\n" + bead.format(50, 7)
+    raw = again(*read(text, start=M83), seed=None)[2].decode()
+    assert "E0.50000 F900\nUNKNOWN_MACRO" in raw or "E0.50000\nUNKNOWN_MACRO" in raw
