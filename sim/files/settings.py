@@ -49,23 +49,23 @@ SettingLines = dict[str, list[tuple[int, str]]]
 
 
 def check_settings(
-    text: bytes, source: bytes, line: Ints, source_line: Ints, alike: Ints | None = None
-) -> list[Fault]:
+    ours: SettingLines, theirs: SettingLines, line: Ints, source_line: Ints,
+    alike: Ints | None = None,
+) -> list[Fault]:  # fmt: skip
     """Check that each bead is laid under the settings it is laid under in the source.
 
     Where the source has not set anything yet, but for `_UNSET`, anything may be in force.
 
     Parameters
     ----------
-    text, source
-        The file and its source.
+    ours, theirs
+        What the file sets, and its source.
     line, source_line : (n,)
         Where each bead is laid in the file, and where in the source, from 1.
     alike : (n,)
         Equal for beads that are alike in place, filament and feed: each may be any of them.
         None: no two are.
     """
-    ours, theirs = settings_of(text), settings_of(source)
     books = [_ComparedSetting.of(name, ours.get(name, []), due) for name, due in theirs.items()]
     if alike is not None:
         source_line = _exchanged(books, line, source_line, alike)
@@ -88,22 +88,21 @@ class TravelSettings:
     values: dict[str, set[str]]
 
     @staticmethod
-    def of(source: bytes, line: Ints) -> TravelSettings:
-        """Read them; `line`, (n,), is where it travels, from 1."""
+    def of(theirs: SettingLines, line: Ints) -> TravelSettings:
+        """Find them; `line`, (n,), is where the source travels, from 1."""
         found = {}
-        for name, due in settings_of(source).items():
+        for name, due in theirs.items():
             if len(line) and _OF_TRAVELS.match(name):
                 held, names = _held(name, due, line)
                 if held.all() or names[0]:  # else it also travels as the machine begins
                     found[name] = {names[k] for k in np.unique(held).tolist()}
         return TravelSettings(found)
 
-    def differing(self, text: bytes, line: Ints) -> Iterator[str]:
+    def differing(self, ours: SettingLines, line: Ints) -> Iterator[str]:
         """Yield where a file that was made from it travels with other values, in words.
 
         Where the file has not set anything yet, what the machine begins with is in force.
         """
-        ours = settings_of(text)
         for name, known in self.values.items():
             held, names = _held(name, ours.get(name, []), line)
             other = [k > 0 and value not in known for k, value in enumerate(names)]

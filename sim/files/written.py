@@ -40,7 +40,7 @@ from sim.files.commands import check_commands
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.phases import in_phases
-from sim.files.settings import TravelSettings, check_settings, travelling
+from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
 from sim.files.temperatures import check_temperatures
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
@@ -191,16 +191,15 @@ def _check_source_text(
         return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
     if source is None:
         return []
-    travels = TravelSettings.of(source, travels_of(moves))
+    ours, theirs = settings_of(written.text), settings_of(source)
+    travels = TravelSettings.of(theirs, travels_of(moves))
     known = matched.source_line >= 0
     line = np.asarray(written.motions.line)[matched.laid[known]]
     there = matched.source_line[known]
     return [
         *check_book(written.text, source, None if taken is None else taken.commands()),
-        *check_settings(written.text, source, line, there, alike_of(matched.segments)[known]),
-        *listed(
-            FaultKind.STATE, list(travels.differing(written.text, travels_of(written.motions)))
-        ),
+        *check_settings(ours, theirs, line, there, alike_of(matched.segments)[known]),
+        *listed(FaultKind.STATE, list(travels.differing(ours, travels_of(written.motions)))),
         *check_temperatures(written.text, source, line, there, own_tool=taken is not None),
     ]
 

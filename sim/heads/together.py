@@ -20,7 +20,7 @@ from decmcts.print.plan import JointPlan
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
-from sim.files.settings import TravelSettings, travelling
+from sim.files.settings import TravelSettings, settings_of, travelling
 from sim.files.written import moves_of, source_text, travels_of
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, read_head_file
@@ -160,14 +160,14 @@ def _check_travels(walked: Sequence[Walked], source: bytes, document: GcodeDocum
     moves = moves_of(document)
     if moves is None:
         return []
-    travels, texts = TravelSettings.of(source, travels_of(moves)), list[str]()
+    travels, texts = TravelSettings.of(settings_of(source), travels_of(moves)), list[str]()
     for each in walked:
         motion, file = each.file.motion, each.file
         found = travelling(motion.points, motion.extrusion, motion.placed[motion.line])
         begin, end = np.array([(p.begin, p.end) for p in each.walk.laid], np.int64).reshape(-1, 2).T
         within = np.searchsorted(begin, found, "right") > np.searchsorted(end, found, "right")
         line = motion.line[found[~within]] + 1
-        differing = travels.differing(file.lines.text, line)
+        differing = travels.differing(settings_of(file.lines.text), line)
         texts += [f"{Path(file.path).name} {text}" for text in differing]
     return listed(FaultKind.STATE, texts)
 

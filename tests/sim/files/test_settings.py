@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode.dialects.dialect import Kind, classify
-from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
+from sim.faults import Fault
+from sim.files import settings
+from sim.files.settings import TravelSettings, settings_of, travelling
 from tests.makers.settings import CASES, laid_under, made
 
 TWO_WAYS = {"advance of each tool", "advance of all tools"}  # no firmware reads it in both ways
 SOURCE = b"M204 P900 T4000\nM106 S127.5\nG1 X1 E1\nM107\nM900 K.2\nG1 X2 E1\nM106 S51\nG1 X3 E1\n"
 BEADS = np.array([3, 6, 8])
+
+
+def check_settings(text: bytes, source: bytes, *beads: np.ndarray) -> list[Fault]:
+    """Compare what two texts set."""
+    return settings.check_settings(settings_of(text), settings_of(source), *beads)
 
 
 def faults_of(text: str, beads: list[int]) -> list[str]:
@@ -76,8 +83,8 @@ TRAVELS = b"M204 S3000\nG1 X9\nM204 S900\nG1 X1 E1\nM204 S3000\nG1 X9\nM204 S500
 def test_travels_are_as_quick_as_in_the_source(text: bytes, said: list[str]) -> None:
     """A bead's acceleration is not a travel's, whatever stands above it in another order."""
     moves = [k for k, line in enumerate(text.splitlines(), 1) if line == b"G1 X9"]
-    known = TravelSettings.of(TRAVELS, np.array([2, 6]))
-    assert list(known.differing(text, np.array(moves))) == said
+    known = TravelSettings.of(settings_of(TRAVELS), np.array([2, 6]))
+    assert list(known.differing(settings_of(text), np.array(moves))) == said
 
 
 def test_what_travels_is_told_from_what_lays_and_what_homes() -> None:
