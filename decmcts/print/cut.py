@@ -1,8 +1,11 @@
 """Contours cut into pieces, so that several heads can share what one contour covers.
 
 A *piece* is one or more stretches of one contour, in the contour's own order, with hops so
-short that the slicer would not retract. To all planners a piece is a contour. Where contours
-are cut is decided in `decmcts.team.cutting`.
+short that the slicer would not retract. In infill hops may be longer, up to `INSIDE_HOP_MM`, if
+they stay inside the part: what oozes there does not show, and filament that is pulled back and
+pushed for every line of infill is ground. Cura's combing, OrcaSlicer's `reduce_infill_retraction`
+and PrusaSlicer's `only_retract_when_crossing_perimeters` do the same. To all planners a piece is
+a contour. Where contours are cut is decided in `decmcts.team.cutting`.
 
 A *weld* is where two stretches of one contour meet that were not printed in one go. Its age is
 the time from when the first of its two ends is printed until the other is, by the plan's times.
@@ -21,7 +24,10 @@ from decmcts.print.cut_kernels import Stretches, cut_at_lines, points_of
 from decmcts.print.job import PrintJob
 from decmcts.print.metrics import CutMetrics
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from decmcts.print.walls import bare_pairs, outer_walls
 
+INSIDE_HOP_MM = 5.0  # longest hop in infill
+INFILL = (Role.INFILL, Role.SOLID_INFILL)  # that is inside the part
 LEAST_MM = 0.4  # no stretch is shorter
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)  # what shows
 AT_ONCE_S = 1e-3  # stretches printed so soon one after the other are one bead again
@@ -71,7 +77,8 @@ def cut_job(
     Parameters
     ----------
     hop_mm : float
-        Stretches of one strip whose ends are no farther apart become one piece.
+        Stretches of one strip whose ends are no farther apart become one piece; those of infill
+        also where they are no farther apart than `INSIDE_HOP_MM` inside the part.
     hop_feed : float
         mm/s of these hops.
     whole : (n_points,) whether the segment ending at a point may be cut at its ends alone
@@ -119,8 +126,13 @@ def _grouped(
     a, b = _place(c, contour, end)[:-1], _place(c, contour, begin)[1:]
     strip = strip[order]
     new = np.ones(len(order), np.bool_)
-    near = np.linalg.norm(b - a, axis=1) <= hop_mm
-    new[1:] = ~(near & (contour[1:] == contour[:-1]) & (strip[1:] == strip[:-1]))
+    length = np.linalg.norm(b - a, axis=1)
+    same = (contour[1:] == contour[:-1]) & (strip[1:] == strip[:-1])
+    new[1:] = ~(same & (length <= hop_mm))
+    far = np.flatnonzero(same & new[1:] & (length <= INSIDE_HOP_MM))
+    far = far[np.isin(c.role[contour[far]], INFILL)]
+    if len(far):
+        new[far + 1] = ~bare_pairs(outer_walls(c), INSIDE_HOP_MM, a[far], b[far])
     group = np.cumsum(new) - 1
     begins = np.flatnonzero(new)
     turn = np.lexsort((begin[begins], contour[begins]))  # pieces by where they begin

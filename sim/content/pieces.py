@@ -18,6 +18,7 @@ from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
 from sim.arrays import Flags, Floats, Ints
 from sim.content.arcs import arcs_of_parts
+from sim.content.over_walls import crossed_by
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 EXACT = 1e-9  # of places along a contour, of mm and of mm of filament
@@ -29,6 +30,8 @@ LEVEL_MM = 1e-6
 INSIDE = (
     Role.PERIMETER, Role.INFILL, Role.SOLID_INFILL, Role.SUPPORT, Role.SUPPORT_INTERFACE,
 )  # fmt: skip
+INFILL = (Role.INFILL, Role.SOLID_INFILL)
+INSIDE_HOP_MM = 5.0  # in infill, across no outer wall: what oozes there does not show
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)
 ALIKE = tuple(name for name in PER_CONTOUR if name not in ("closed", "reversible"))
 
@@ -193,15 +196,17 @@ def _amounts(pieces: Contours, contours: Contours, steps: _Steps) -> list[Fault]
 def _hops(
     pieces: Contours, source: PrintJob, steps: _Steps, travel_feed: float | None
 ) -> list[Fault]:
-    """Check that nothing is pushed in a hop, and that the slicer would not retract for it.
+    """Check that nothing is pushed in a hop, and that it is short or does not show.
 
-    A hop is as fast as a travel, where that is known.
+    The slicer would not retract for it, or it lies in infill, up to `INSIDE_HOP_MM`, and crosses
+    no outer wall. A hop is as fast as a travel, where that is known.
     """
     hops = np.flatnonzero(steps.hop)
     a, b = pieces.points[steps.point[hops] - 1], pieces.points[steps.point[hops]]
     length = np.linalg.norm(b - a, axis=1)
     longest = min(each.retract_min_travel_mm for each in source.settings.each())
-    wrong = (length >= longest) | (pieces.extrusion[steps.point[hops]] != 0.0)
+    wrong = (length >= longest) & ~_hidden(source.contours, steps.of[hops], a, b)
+    wrong |= pieces.extrusion[steps.point[hops]] != 0.0
     wrong |= steps.end[hops] <= steps.begin[hops]
     feed = pieces.feed[steps.point[hops]]
     wrong |= False if travel_feed is None else np.abs(feed - travel_feed) > EXACT
@@ -212,6 +217,17 @@ def _hops(
             hops[wrong].tolist(), length[wrong].tolist(), feed[wrong].tolist(), strict=True
         )
     ])  # fmt: skip
+
+
+def _hidden(contours: Contours, of: Ints, begin: Floats, end: Floats) -> Flags:
+    """Tell which hops (k, 3) to (k, 3) lie inside the part, in infill, across no outer wall."""
+    length = np.linalg.norm(end - begin, axis=1)
+    hidden = np.isin(contours.role[of], INFILL) & (length < INSIDE_HOP_MM)
+    rows = np.flatnonzero(hidden)
+    height = begin[rows, 2]
+    over, _ = crossed_by(contours, begin[rows, :2], end[rows, :2], height, height)
+    hidden[rows[over]] = False
+    return hidden
 
 
 def _coverage(contours: Contours, steps: _Steps) -> list[Fault]:

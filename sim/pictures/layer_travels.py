@@ -92,7 +92,7 @@ def travels_of(document: PlanDocument) -> Travels:
 def _of_head(index: int, actions: HeadActions, layer_of: Ints) -> tuple[NDArray[np.generic], ...]:
     """Return the columns of `Travels` for one head."""
     prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    first = np.append(0, actions.path_offsets[prints[:-1] + 1] - 1) if len(prints) else prints
+    first = np.append(0, actions.path_offsets[prints[:-1] + 1]) if len(prints) else prints
     last = actions.path_offsets[prints]
     steps = np.linalg.norm(np.diff(actions.path, axis=0), axis=1)
     along = np.append(0.0, np.cumsum(steps))

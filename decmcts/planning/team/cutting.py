@@ -49,7 +49,7 @@ GAIN = 0.995  # of the time without cuts: cuts that gain less than the estimates
 # of what a cut is taken to cost, and by how much nearer heads come: layouts that are tried too
 OTHERS = ((0.6, 0.0), (1.7, 0.0), (1.0, 0.8), (0.8, 0.4))
 MOST_TRIED = 200_000  # pieces of all sweeps that are tried; more take too long
-HOP_MM, SHORT_MM = 3.0, 0.6  # typical travels from piece to piece, to price a cut by
+TRAVEL_MM = 3.0  # typical travel from piece to piece, to price a cut by
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +252,7 @@ def _hops(problem: PrintProblem) -> Hops:
     settings, limits = problem.job.settings, problem.machine.limits
     _, rate = level_travel(settings, limits)
     least = min(each.retract_min_travel_mm for each in settings.each())
-    long = 2.0 * math.sqrt(HOP_MM / rate) + retraction_time(settings, limits)
-    return Hops(least, 2.0 * math.sqrt(SHORT_MM / rate), long)
+    return Hops(least, rate, 2.0 * math.sqrt(TRAVEL_MM / rate) + retraction_time(settings, limits))
 
 
 def _cut(problem: PrintProblem, lines: CutLines, cut: Cut) -> PrintProblem:

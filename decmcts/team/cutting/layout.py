@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.touching import SHELLS
 from decmcts.print.contours import Contours, Role
-from decmcts.print.cut import LEAST_MM, OUTSIDE, CutLines
+from decmcts.print.cut import INFILL, INSIDE_HOP_MM, LEAST_MM, OUTSIDE, CutLines
 from decmcts.print.cut_kernels import SNAP_MM
 from decmcts.print.loops import FLAT_MM
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
@@ -84,11 +84,11 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Hops:
-    """What a cut costs: the travel from one of its pieces to the next."""
+    """What a cut costs: the hop or travel from one side of it to what is printed next there."""
 
     least_mm: float  # a shorter one is made without retracting
-    short_s: float
-    long_s: float
+    acceleration: float  # mm/s2, of hops
+    travel_s: float  # one that is retracted
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +136,9 @@ def cuttable(
     )
     work = _work(a, b, seconds[rows], layer, shape)
     place = ((ends[begun] - low) / BIN_MM).astype(np.int64)
-    np.add.at(work, (contours.layer[owner[begun]], place), hops.long_s)  # each is travelled to
-    short = _is_zigzag(contours, hops.least_mm)[rows]
-    price = _price(a, b, np.where(short, hops.short_s, hops.long_s) / 2.0, layer, shape)
+    np.add.at(work, (contours.layer[owner[begun]], place), hops.travel_s)  # each is travelled to
+    hop_s = 2.0 * np.sqrt(_zigzag(contours, hops.least_mm)[rows] / hops.acceleration)
+    price = _price(a, b, np.minimum(hop_s, hops.travel_s) / 2.0, layer, shape)
     depth = _depths(contours, pairs)
     return Cuttable(may, depth, _deepest(contours, depth), work, price, low)
 
@@ -164,18 +164,24 @@ def _price(a: Floats, b: Floats, cut_s: Floats, layer: Ints, shape: tuple[int, i
     return np.asarray(np.maximum(price, 0.0))
 
 
-def _is_zigzag(contours: Contours, least_mm: float) -> Flags:
-    """Tell which segments run back beside one of their contour, so near that none retracts."""
+def _zigzag(contours: Contours, least_mm: float) -> Floats:
+    """Return how far each segment lies beside one of its contour that runs back, mm, (n_points,).
+
+    Infinite where none does so near that the travel between their ends is not retracted.
+    """
     step = np.diff(contours.points, axis=0, append=contours.points[-1:])
     step = np.roll(step, 1, axis=0)  # of the segment ending at each point
     step[contours.offsets[:-1]] = 0.0
     length = np.linalg.norm(step, axis=1)
-    back = np.zeros(len(step), np.bool_)
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    most = np.where(np.isin(contours.role, INFILL), max(INSIDE_HOP_MM, least_mm), least_mm)[owner]
+    beside = np.full(len(step), np.inf)
     dot = (step[2:] * step[:-2]).sum(axis=1)
-    short = (length[1:-1] > 0.0) & (length[1:-1] < least_mm)
-    back[2:] = short & (dot < -0.7 * length[2:] * length[:-2])
-    back[:-2] |= back[2:]
-    return back
+    near = (length[1:-1] > 0.0) & (length[1:-1] < most[1:-1])
+    back = near & (dot < -0.7 * length[2:] * length[:-2])
+    beside[2:] = np.where(back, length[1:-1], np.inf)
+    beside[:-2] = np.minimum(beside[:-2], beside[2:])
+    return beside
 
 
 def deeper(spread: Cuttable, contours: Contours, late: Flags) -> Cuttable:

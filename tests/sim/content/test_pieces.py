@@ -181,7 +181,47 @@ def test_outside_is_cut_only_if_allowed(job: PrintJob, pieces: Contours) -> None
     assert {outer, inner} <= names["none"]
 
 
+def hops_of(pieces: Contours) -> np.ndarray:
+    """Return how long the hops within pieces are."""
+    begins = np.isin(np.arange(len(pieces.points)), pieces.offsets[:-1])
+    hop = np.flatnonzero((pieces.extrusion == 0.0) & ~begins)
+    return np.linalg.norm(pieces.points[hop] - pieces.points[hop - 1], axis=1)
+
+
+def test_lines_of_infill_are_one_piece_though_the_slicer_would_retract_between_them(
+    job: PrintJob,
+) -> None:
+    """They lie 4 mm apart, the source retracts from 2 mm on: what oozes inside does not show."""
+    pieces = cut_at(job, [90.0, 130.0, 171.3]).contours
+    assert job.settings.retract_min_travel_mm < hops_of(pieces).max() < 5.0
+    assert parted_source(pieces, job, "all").faults == ()
+
+
 def test_a_long_hop_is_found(job: PrintJob) -> None:
-    """The slicer would have retracted for it."""
-    far = cut_at(job, [90.0, 130.0], hop_mm=30.0).contours
-    assert any("hops" in fault.text for fault in parted_source(far, job, "all").faults)
+    """The slicer would have retracted for it, and it shows."""
+    wall = np.where(job.contours.role == Role.INFILL, Role.PERIMETER, job.contours.role)
+    shown = replace(job, contours=replace(job.contours, role=wall))
+    far = cut_at(shown, [90.0, 130.0], hop_mm=30.0).contours
+    assert any("hops" in fault.text for fault in parted_source(far, shown, "all").faults)
+    short = cut_at(shown, [90.0, 130.0]).contours
+    assert hops_of(short).max(initial=0.0) < job.settings.retract_min_travel_mm
+
+
+def test_no_hop_leads_over_an_outer_wall(job: PrintJob) -> None:
+    """Of infill either: a wall between two of its lines is another island's, or a hole's."""
+    points, contours = job.contours.points.copy(), job.contours
+    for c in np.flatnonzero(contours.role == Role.EXTERNAL_PERIMETER):
+        points[contours.offsets[c] : contours.offsets[c + 1], 1] = 151.0  # through the infill
+    crossed = replace(job, contours=replace(contours, points=points))
+    far = cut_at(crossed, [90.0, 130.0], hop_mm=4.9).contours
+    assert any("hops" in fault.text for fault in parted_source(far, crossed, "all").faults)
+    assert parted_source(cut_at(crossed, [90.0, 130.0]).contours, crossed, "all").faults == ()
+
+
+def test_hops_in_infill_are_short_too(job: PrintJob) -> None:
+    points = job.contours.points.copy()
+    points[:, 1] = 150.0 + 2.0 * (points[:, 1] - 150.0)  # lines 8 mm apart
+    wide = replace(job, contours=replace(job.contours, points=points))
+    far = cut_at(wide, [90.0, 130.0], hop_mm=30.0).contours
+    assert any("hops" in fault.text for fault in parted_source(far, wide, "all").faults)
+    assert parted_source(cut_at(wide, [90.0, 130.0]).contours, wide, "all").faults == ()
