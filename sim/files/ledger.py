@@ -283,17 +283,20 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
 
 def _check_unretracted(book: Book, own: Book, motions: Motions, source: Motions) -> list[Fault]:
     """Check that the nozzle travels unretracted no farther than in the source."""
-    found = farther_unretracted(ways_of(book, motions), ways_of(own, source))
+    theirs = ways_of(own, source)
+    found = farther_unretracted(ways_of(book, motions, theirs), theirs)
     line, bead = motions.line, book.bead[1:]
     return listed(FaultKind.STATE, [f"above line {line[bead[k]]} {t}" for k, t in found.items()])
 
 
-def ways_of(book: Book, motions: Motions) -> Ways:
-    """Return the ways from each contour to the next."""
+def ways_of(book: Book, motions: Motions, source: Ways | None = None) -> Ways:
+    """Return the ways from each contour to the next; None: of the source itself."""
     points, extrusion = np.asarray(motions.points), np.asarray(motions.extrusion)
     plain = book.kept & (book.lines < 0)
     spans = Spans(book.behind[1:], book.bead[1:], book.tool[1:], plain[1:])
-    return Ways.of(points, extrusion, _withdrawn(motions), spans)
+    if source is None:
+        return Ways.of_source(points, extrusion, _withdrawn(motions), spans)
+    return Ways.of(points, extrusion, _withdrawn(motions), spans, source.enough)
 
 
 def _withdrawn(motions: Motions) -> Flags:

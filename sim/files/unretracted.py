@@ -3,20 +3,24 @@
 Between two beads a file either retracts or does not. Where it does, it travels unretracted before
 that and after no farther than the source does where it retracts with that tool. Where it does not,
 it travels no farther than the source does where it does not, or less far than the next longer way
-on which the source retracts.
+on which the source retracts. Retracted is what is pulled at least half as far as the source pulls
+with that tool wherever it retracts.
 
 Counted from the moves alone, as all of `sim.files.ledger`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from sim.arrays import Flags, Floats, Ints
 
-PULLED_MM = 0.01  # of filament that counts as retracted
+PULLED_MM = 0.01  # of filament that counts as retracted, or more:
+ENOUGH = 0.5  # as this share of the least that the source retracts with that tool
+WIPED = 1e-3  # mm of filament a mm of way; what pulls less is a travel and no wipe
 SHORT_MM = 5.0  # so far the nozzle may travel where the source never retracts on longer ways
 SAME_MM = 0.02  # by which ways may differ: coordinates are rounded
 JUST_MM = 1e-4  # less than a way on which the source retracts
@@ -39,10 +43,29 @@ class Ways(NamedTuple):
     retracts: Flags  # on the way
     unretracted: Floats  # mm across the bed with nothing retracted
     distance: Floats  # mm from end to end
+    enough: Mapping[int, float]  # by tool, mm of filament that count as retracted
+
+    @classmethod
+    def of_source(
+        cls, points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans
+    ) -> Ways:  # fmt: skip
+        """Measure the ways of a source, and what counts as retracted with each of its tools."""
+        total, (begin, end, tool, plain) = np.cumsum(np.append(0.0, extrusion)), spans
+        depth = np.zeros(len(begin))
+        if len(begin):
+            pairs = np.stack([begin, end + 1], axis=1).ravel()
+            depth = total[begin] - np.minimum.reduceat(np.append(total, np.inf), pairs)[::2]
+        pulls = plain & (depth > PULLED_MM)
+        enough = {
+            t: max(PULLED_MM, ENOUGH * float(depth[pulls & (tool == t)].min()))
+            for t in np.unique(tool[pulls]).tolist()
+        }
+        return cls.of(points, extrusion, withdrawn, spans, enough)
 
     @staticmethod
     def of(
-        points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans, *, parted: bool = False
+        points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans,
+        enough: Mapping[int, float], *, parted: bool = False,
     ) -> Ways:  # fmt: skip
         """Measure ways; linear in the moves.
 
@@ -51,6 +74,7 @@ class Ways(NamedTuple):
         points : (m + 1, 3)
         extrusion : (m,) mm of filament
         withdrawn : (m,) whether the firmware has retracted before each move
+        enough : what counts as retracted, mm of filament by tool
         parted
             Ways are made of several travels: the longest move unretracted counts, not their sum.
         """
@@ -60,13 +84,14 @@ class Ways(NamedTuple):
         count, n = end - begin, len(begin)
         way = np.repeat(np.arange(n), count)
         move = np.arange(len(way)) + np.repeat(begin - np.cumsum(count) + count, count)
-        held = withdrawn[move] | (total[move] - total[begin][way] < -PULLED_MM)
-        bare = ~held & (np.abs(extrusion[move]) < 1e-6)
+        pulled = np.array([enough.get(t, PULLED_MM) for t in spans.tool.tolist()])
+        held = withdrawn[move] | (total[move] - total[begin][way] < -pulled[way])
         unretracted = np.zeros(n)
+        bare = ~held & (np.abs(extrusion[move]) < np.maximum(WIPED * step[move], 1e-6))
         (np.maximum if parted else np.add).at(unretracted, way, step[move] * bare)
         return Ways(
             spans.tool, spans.plain, np.bincount(way, held, n) > 0, unretracted,
-            np.asarray(np.linalg.norm(points[end] - points[begin], axis=1)),
+            np.asarray(np.linalg.norm(points[end] - points[begin], axis=1)), enough,
         )  # fmt: skip
 
 

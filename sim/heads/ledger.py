@@ -282,8 +282,9 @@ class _Account:
         begin, end = np.array(self.between, np.int64).reshape(-1, 2).T
         motion, n = self.head.file.motion, len(begin)
         spans = Spans(begin, end, np.full(n, self.head.tool), np.ones(n, np.bool_))
-        ways = Ways.of(motion.points, motion.extrusion, motion.withdrawn, spans, parted=True)
-        found = farther_unretracted(ways, self.dues.ways, parted=True).items()
+        theirs, pulled = self.dues.ways, motion.withdrawn
+        ways = Ways.of(motion.points, motion.extrusion, pulled, spans, theirs.enough, parted=True)
+        found = farther_unretracted(ways, theirs, parted=True).items()
         return [f"above line {self._line(int(end[k]))} {text}" for k, text in found]
 
     def _prime(self, bead: ContourMoves, more: float) -> float:

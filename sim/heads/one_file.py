@@ -7,6 +7,7 @@ source's, as far as they concern this head. What the files of all heads do toget
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -17,10 +18,11 @@ import numpy as np
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.idle import Idle
-from decmcts.print.job import PrintJob
+from decmcts.print.job import DEFAULT_TRAVEL, PrintJob, ProcessSettings
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.arrays import Floats
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
+from sim.content.inventory import FEED_TOLERANCE_MM_S
 from sim.faults import Fault, FaultKind, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.extent import check_filament_feeds
@@ -35,6 +37,11 @@ from sim.heads.states import Settings, differing, kept_settings
 from sim.heads.walk import OWED_MM, Walk, Walker
 
 Point = tuple[float, float, float]
+_NUMBER = rb"-?[0-9.]+"
+_SETS_E = re.compile(rb"G92 E%b\Z" % _NUMBER)  # and no other axis
+_UPRIGHT = re.compile(rb"G1 Z%b F[0-9.]+\Z" % _NUMBER)
+_ACROSS = re.compile(rb"G1 X%b Y%b F[0-9.]+\Z" % (_NUMBER, _NUMBER))
+UPRIGHT_FEED = 10.0  # mm/s to the park, where the source moves in Z alone at no feed of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +66,7 @@ def walk_file(
     due = _DueCommands.of(actions, job, document, tool, all_heat=heat.one_hot_end)
     whole, file = file, _without_early_heat(file, due.start)
     words: list[str] = []
-    over = -np.inf if job.printed is None else float(job.printed.top.max())
-    outline = _outlined(file, document, due, park, words, over)
+    outline = _outlined(file, job, document, due, park, words)
     part = outline.part
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
     kept: Settings = frozenset()
@@ -159,14 +165,14 @@ def _without_early_heat(file: HeadFile, start: list[bytes]) -> HeadFile:
 
 def _outlined(
     file: HeadFile,
+    job: PrintJob,
     document: GcodeDocument,
     due: _DueCommands,
     park: Point,
     words: list[str],
-    over: float,
 ) -> _Outline:
     """Return where the parts of a file begin; writes what is wrong with them into `words`."""
-    low, parked = _match_start(file, document, due.start, park, words, over)
+    low, parked = _match_start(file, job, document, due.start, park, words)
     high = len(file.rest) - len(due.end)
     if high < low or [code for _, code in file.rest[high:]] != due.end:
         words.append("the end code is not the source's, command by command")
@@ -230,13 +236,13 @@ def _selected(job: PrintJob, tool: int) -> int | None:
 
 
 def _match_start(
-    file: HeadFile, document: GcodeDocument, start: list[bytes], park: Point, words: list[str],
-    over: float,
+    file: HeadFile, job: PrintJob, document: GcodeDocument, start: list[bytes], park: Point,
+    words: list[str],
 ) -> tuple[int, int]:  # fmt: skip
     """Return the row of `rest` below the set-up, and the line that reaches the park position.
 
-    On the way there the head stays above `over`, the top of what is printed already. Writes what
-    is wrong into `words`.
+    The head goes there up, across, and down where something printed is in between, and on the way
+    stays above what is printed already. Writes what is wrong into `words`.
     """
     mode = b"M83" if document.start.relative_e else b"M82"
     due = [*start, b"G90", mode]
@@ -248,18 +254,37 @@ def _match_start(
             words.append(f"line {line}: '{_text(has)}', the start code has '{_text(wanted)}' here")
             return row, line
         row += 1
-    while row < len(file.rest) and file.rest[row][1].startswith(b"G92 E"):  # as decmcts writes it
+    while row < len(file.rest) and _SETS_E.match(file.rest[row][1]):
         row += 1
-    row += 2  # up, then across
-    parked, stands = _stands(file, row)
+    parked, stands = _stands(file, row + 2)
+    over = -np.inf if job.printed is None else float(job.printed.top.max())
     if stands[2] < over:
         words.append(f"line {parked}: the head goes to its park through what is printed")
+    forms = [_UPRIGHT, _ACROSS]
     if stands[2] > park[2] + SAME_MM and np.abs(stands[:2] - park[:2]).max() <= SAME_MM:
-        row += 1  # and down, where something printed is in between
-        parked, stands = _stands(file, row)
+        forms.append(_UPRIGHT)
+        parked, stands = _stands(file, row + 3)
+    words += _amiss_to_park(file, row, forms, job.settings)
     if np.abs(stands - np.array(park)).max() > SAME_MM:
         words.append(f"line {parked}: the head is not at its park position {park}")
-    return min(row, len(file.rest)), parked
+    return min(row + len(forms), len(file.rest)), parked
+
+
+def _amiss_to_park(
+    file: HeadFile, row: int, forms: list[re.Pattern[bytes]], settings: ProcessSettings
+) -> Iterator[str]:
+    """Yield what is wrong with the moves to the park position, from a row of `rest` on."""
+    feeds = {
+        _UPRIGHT: settings.z_feed or UPRIGHT_FEED,
+        _ACROSS: settings.travel_feed or DEFAULT_TRAVEL,
+    }
+    for form, (line, code) in zip(forms, file.rest[row:], strict=False):
+        if not form.match(code):
+            yield f"line {line}: '{_text(code)}' on the way to the park, which is up, then across"
+            continue
+        feed = float(file.motion.feed[file.motion.before[line - 1]])
+        if abs(feed - feeds[form]) > FEED_TOLERANCE_MM_S:
+            yield f"line {line}: to the park at {feed:.3f} mm/s, {feeds[form]:.3f} are due"
 
 
 def _stands(file: HeadFile, row: int) -> tuple[int, Floats]:

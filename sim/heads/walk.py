@@ -18,7 +18,7 @@ import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.idle import Practice
-from decmcts.print.job import PrintJob
+from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
@@ -28,6 +28,7 @@ from sim.heads.states import Settings, in_force, words_of
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
+_SHARES = np.linspace(0.0, 1.0, 9)  # of a wipe, at which it is looked at
 _PRINT, _TRAVEL, _PARK, _ = map(int, ActionKind)  # plain numbers compare faster
 
 
@@ -126,8 +127,10 @@ class Walker:
         beyond = max(c.owed - c.pulled for c in starts)
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
         self._surplus += practice.prime_mm
-        self._feeds = (job.settings.travel_feed or 100.0, job.settings.z_feed or 0.0)
+        travel_feed = job.settings.travel_feed or DEFAULT_TRAVEL
+        self._feeds = (travel_feed, job.settings.z_feed or travel_feed)
         self._travels = cache(self._is_travel_feed)
+        self._wipe_feeds = {each.wipe_feed or travel_feed for each in job.settings.each()}
 
     def run(self) -> Walk:
         """Return the walk; it ends at the first move that is not the plan's."""
@@ -330,9 +333,12 @@ class Walker:
                 continue
             if motion.extrusion[self.at] >= 0.0:
                 return ""
-            ends = motion.points[self.at : self.at + 2]
-            if max(_distance(p, path) for p in (*ends, ends.mean(axis=0))) > 2 * SAME_MM:
+            begin, end = motion.points[self.at : self.at + 2]
+            if max(_distance(begin + t * (end - begin), path) for t in _SHARES) > 2 * SAME_MM:
                 return f"line {self._line[self.at]} wipes beside contour {self.actions.contour[k]}"
+            feed = float(motion.feed[self.at])
+            if min(abs(feed - due) for due in self._wipe_feeds) > FEED_MM_S:
+                return f"line {self._line[self.at]} wipes at {feed:.3f} mm/s"
             self._step(k)
         return ""
 

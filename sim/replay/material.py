@@ -67,7 +67,6 @@ def deepest_contacts(
     *,
     margins: tuple[float, float],
     ends_at: SettlesQuestion | None = None,
-    capacity: NearMissCapacity = CAPACITY,
 ) -> tuple[Ints, Floats]:
     """Return which owners of moves meet which beads' owners, and how deep.
 
@@ -85,7 +84,7 @@ def deepest_contacts(
     """
     order = np.argsort(beads.since, kind="stable")
     search = ContactSearch(moves, beads, parts_of(head), *margins)
-    for found, whole in _near(search, order, "near misses in the source's own order", capacity):
+    for found, whole in _near(search, order, "near misses in the source's own order", CAPACITY):
         if whole:
             return _deepest(search, owner, order, found)
         if ends_at is not None:

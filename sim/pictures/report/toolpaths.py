@@ -34,11 +34,11 @@ class Drawn:
     rows: Ints  # (n_points + 1,) how many points before each are there
 
 
-def contours_of(contours: Contours, blobs: Blobs, *, most: int = MOST_POINTS) -> Drawn:
-    """Return the contours for the page; of more than `most` points only essential ones."""
+def contours_of(contours: Contours, blobs: Blobs) -> Drawn:
+    """Return the contours for the page; of more than `MOST_POINTS` only essential ones."""
     points, offsets, thinned = contours.points, contours.offsets, None
     rows = np.arange(len(points) + 1)
-    if len(points) > most:
+    if len(points) > MOST_POINTS:
         kept = essential(points, offsets, TOLERANCE_MM)
         rows = np.concatenate([[0], np.cumsum(kept)])
         offsets = rows[offsets]

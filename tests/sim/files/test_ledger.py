@@ -251,3 +251,20 @@ def test_what_rounding_leaves_is_no_bead(tmp_path):
     assert filament(out) == filament(source)
     kinds = verify_written(out, job, document, load_machine("paper")).kinds()
     assert not {FaultKind.STATE, FaultKind.E_TOTAL} & kinds
+
+
+def test_a_travel_with_hardly_anything_retracted_is_a_fault(tmp_path: Path) -> None:
+    """A fiftieth was pulled before the travel and the rest behind it: it counted as retracted."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(made_gcode([(100.0, 100.0), (150.0, 100.0)]))
+    job, document = written(source, out)
+    lines = out.read_text().splitlines()
+    rows = range(len(lines) - 2)
+    k = next(k for k in rows if lines[k].startswith("G1 E-0.8") and lines[k + 1].startswith("G1 X"))
+    before = ["G1 E-0.01600 F2100"], ["G1 E-0.78400 F2100"]
+    for pulls in ([], [" E-0.00001"]):
+        travel = lines[k + 1].replace(" F", "".join(pulls) + " F", 1)
+        made = [*lines[:k], *before[0], travel, *before[1], *lines[k + 2 :]]
+        out.write_text("\n".join(made) + "\n")
+        faults = verify_written(out, job, document, load_machine(MACHINE)).faults
+        assert any("mm unretracted" in fault.text for fault in faults)

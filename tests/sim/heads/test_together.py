@@ -133,6 +133,40 @@ def test_a_travel_feed_that_is_no_whole_number_passes(tmp_path: Path) -> None:
     assert made.judged().faults == ()
 
 
+PARKED = "G1 Z20.000 F9000\nG1 X-50.000 Y0.000 F9000\n"
+
+
+@pytest.mark.parametrize(
+    ("instead", "said"),
+    [
+        ("G1 X-50.000 Y0.000 F9000\nG1 Z20.000 F9000\n", "up, then across"),
+        ("M140 S0\nG1 X-50.000 Y0.000 Z20.000 F9000\n", "'M140 S0' on the way to the park"),
+        ("G1 Z20.000 F9000\nG1 X-50.000 Y0.000 E3 F9000\n", "E3 F9000' on the way to the park"),
+        ("G1 Z20.000 F9000\nG1 X-50.000 Y0.000 F1\n", "to the park at 0.017 mm/s"),
+        ("G92 E0 X100\n" + PARKED, "'G92 E0 X100' on the way to the park"),
+        ("G1 Z20.000 F900000\nG1 X-50.000 Y0.000 F9000\n", "to the park at 15000.000 mm/s"),
+    ],
+)
+def test_nothing_but_moves_up_and_across_leads_to_the_park(made, instead, said):
+    """Two lines went unread there: they could cool the bed, push filament, or go through a part.
+
+    And a G92 could set the origin elsewhere, for all that follows.
+    """
+    text = made.paths[0].read_text()
+    assert text.count(PARKED) == 1
+    made.paths[0].write_text(text.replace(PARKED, instead))
+    assert any(said in fault.text for fault in made.judged().faults)
+
+
+@pytest.mark.parametrize("feed", ["F1", "F4000000"])
+def test_a_wipe_is_as_fast_as_the_source_wipes(made, feed):
+    """A hot nozzle that creeps back over a bead melts it; nobody looked at the feed of wipes."""
+    text = made.paths[0].read_text()
+    wipe = re.search(r"(\nG1 X\S+ Y\S+ E-\S+ )F\d+", text)
+    made.paths[0].write_text(text[: wipe.start()] + wipe[1] + feed + text[wipe.end() :])
+    assert any("wipes at" in fault.text for fault in made.judged().faults)
+
+
 def test_files_that_are_read_already_are_not_read_again(made: Made) -> None:
     """`verify` of files without their plan reads each once, to find the plan in it."""
     made.paths = [read_head_file(path) for path in made.paths]

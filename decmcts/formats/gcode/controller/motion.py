@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
 from decmcts.formats.gcode.controller import arcs_kernels as curves
 from decmcts.formats.gcode.controller import moves_kernels as kernels
+from decmcts.formats.gcode.dialects.dialect import UNKNOWN, classify, without_brackets
 from decmcts.formats.gcode.document import NO_ARC, Arcs
 from decmcts.formats.gcode.text import scan_kernels as scan
 from decmcts.formats.gcode.text.lines import Lines, further_axis
@@ -34,8 +35,9 @@ _FRAMES = {  # G command times ten: what it means, and the one that takes it bac
 _PLANES = (180, 190)
 _ALL_PLANES = (170, 180, 190)
 _OF_ARCS = (*_PLANES, 901)
-_TURNS = re.compile(rb"P\s*0*[1-9]", re.I)
 _CURVES = (50, 51, 52)
+_COMMANDS = tuple(b"GMT")  # letters of commands that are no macros
+_SECOND = re.compile(r"\S[^\"]*(?<![A-Z_])G ?\d", re.I)  # behind a first, and in no text
 _SYSTEM = re.compile(rb"P\s*0*(\d+|[^\s\d])", re.I)
 
 
@@ -173,6 +175,7 @@ def refuse_meanings(lines: Lines) -> None:
     InputError
         With the line and what to do.
     """
+    _refuse_second_commands(lines)
     _refuse_systems(lines)
     _refuse_frames(lines)
     _refuse_curves(lines)
@@ -182,6 +185,28 @@ def refuse_meanings(lines: Lines) -> None:
 
 def _is_g(lines: Lines, codes: tuple[int, ...]) -> NDArray[np.bool_]:
     return np.asarray((lines.letter == 71) & np.isin(lines.code, codes))
+
+
+def _refuse_second_commands(lines: Lines) -> None:
+    """Refuse a G command behind another command: RepRapFirmware carries out both, others one.
+
+    But for lines that may hold any text, and for commands nobody knows.
+    """
+    raw = np.frombuffer(lines.text, np.uint8) & 0xDF  # capital letters
+    at = np.flatnonzero(raw == ord("G"))
+    row = np.searchsorted(lines.starts, at, side="right") - 1
+    behind = (at > lines.starts[row]) & (at < lines.comment[row])
+    behind &= np.isin(lines.letter[row], _COMMANDS)
+    for line in np.unique(row[behind]).tolist():
+        code = without_brackets(lines.raw(line).split(b";")[0].decode("latin-1"))
+        meaning = classify(lines.raw(line))
+        moves = lines.letter[line] == 71 and lines.code[line] <= 30
+        known = moves or not (meaning.slot == "message" or meaning.text in UNKNOWN)
+        if known and _SECOND.search(code):
+            raise lines.refuse(
+                line, "two commands in a line, of which some firmwares carry out one only",
+                "give each a line of its own",
+            )  # fmt: skip
 
 
 def _refuse_systems(lines: Lines) -> None:
@@ -226,12 +251,11 @@ def _refuse_curves(lines: Lines) -> None:
 def _refuse_turns(lines: Lines) -> None:
     """Refuse arcs that print more than one turn; Klipper makes one of them, Marlin all."""
     prints = _is_g(lines, (20, 30)) & ~np.isnan(lines.values[:, scan.E])
-    for line in np.flatnonzero(prints).tolist():
-        if _TURNS.search(lines.raw(line).split(b";")[0].split(b"(")[0]):
-            raise lines.refuse(
-                line, "an arc of several turns (P), which firmwares read differently",
-                "export each turn as an arc of its own",
-            )  # fmt: skip
+    if len(turning := np.flatnonzero(prints & (lines.values[:, scan.P] >= 1.0))):
+        raise lines.refuse(
+            int(turning[0]), "an arc of several turns (P), which firmwares read differently",
+            "export each turn as an arc of its own",
+        )  # fmt: skip
 
 
 def _refuse_fourth_axis(lines: Lines) -> None:

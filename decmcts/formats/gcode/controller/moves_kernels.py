@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
-from decmcts.formats.gcode.text.scan_kernels import D, E, F, R, S
+from decmcts.formats.gcode.text.scan_kernels import D, E, F, P, R, S, X, Z
 
 # Columns of `modes`, the state after each line.
 RELATIVE_XYZ, RELATIVE_E, TOOL, FIRMWARE_RETRACTED, MODE_SET = range(5)
@@ -22,12 +22,24 @@ LAST_TOOL = 254  # T255, T1000 and T1100 choose no tool of Bambu's printers, nor
 
 
 @kernel
+def _is_retraction(values: NDArray[np.float64]) -> bool:
+    """Tell whether a G10 or G11 retracts: with words it heats a tool, or sets an offset."""
+    for column in (S, R, P):
+        if not math.isnan(values[column]):
+            return False
+    for axis in range(X, Z + 1):
+        if not math.isnan(values[axis]):
+            return False
+    return True
+
+
+@kernel
 def _modal(letter: int, code: int, values: NDArray[np.float64], modes: NDArray[np.int16]) -> float:
     """Apply a command that is no move to `modes` in place; return a new E area or -1."""
     if letter == 71:
         if code == 900 or code == 910:
             modes[RELATIVE_XYZ] = 1 if code == 910 else 0
-        elif (code == 100 or code == 110) and math.isnan(values[S]) and math.isnan(values[R]):
+        elif (code == 100 or code == 110) and _is_retraction(values):
             modes[FIRMWARE_RETRACTED] = 1 if code == 100 else 0
     elif letter == 77:
         if code == 820 or code == 830:

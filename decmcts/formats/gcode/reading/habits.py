@@ -106,7 +106,7 @@ def infer_settings(parsed: Parsed, gaps: Gaps) -> tuple[ProcessSettings, Habits]
     main = of_tool[usual][0]
     others = [(tool, one) for tool, (one, _) in of_tool.items() if not _alike(one, main)]
     return replace(settings, of_tools=tuple(sorted(others, key=lambda each: each[0]))), Habits(
-        resets_e=_occurs(parsed, 71, 920),
+        resets_e=_resets_e(parsed),
         progress=_progress(parsed),
         silent_share=silent_share(text),
     )
@@ -210,10 +210,11 @@ def _progress(parsed: Parsed) -> str:
     return "".join(letter for letter in "PRQS" if letter.encode() in words)
 
 
-def _occurs(parsed: Parsed, letter: int, code: int) -> bool:
+def _resets_e(parsed: Parsed) -> bool:
+    """Tell whether a G92 stands between the first bead and the last."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     span = slice(int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]]))
-    return bool(((lines.letter[span] == letter) & (lines.code[span] == code)).any())
+    return bool(((lines.letter[span] == 71) & (lines.code[span] == 920)).any())
 
 
 def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
 
-X, Y, Z, E, F, OFFSET_I, OFFSET_J, R, D, S = range(10)  # columns of `values`
-N_PARAMETERS = 10
+X, Y, Z, E, F, OFFSET_I, OFFSET_J, R, D, S, P = range(11)  # columns of `values`
+N_PARAMETERS = 11
 OTHER = 63  # '?': a line that is no G, M or T command (a macro)
 
 FINE = 0
@@ -91,6 +91,8 @@ def _column(letter: int) -> int:
         return 8
     if letter == 83:  # S
         return 9
+    if letter == 80:  # P
+        return 10
     if 65 <= letter <= 67 or 85 <= letter <= 87:  # A B C U V W
         return -2
     return -1
@@ -168,8 +170,8 @@ def _after_line_number(text: NDArray[np.uint8], at: int, end: int) -> int:
 @kernel
 def _wants_values(letter: int, code: int) -> bool:
     """Tell whether motion needs the parameters of this command."""
-    if letter == 71:  # G0-G3, G10, G28, G92
-        return code <= 30 or code == 100 or code == 280 or code == 920
+    if letter == 71:  # G0-G3, G10, G11, G28, G92
+        return code <= 30 or code == 100 or code == 110 or code == 280 or code == 920
     return letter == 77 and code == 2000  # M200
 
 

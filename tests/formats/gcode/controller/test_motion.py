@@ -44,6 +44,13 @@ def test_g10_with_parameters_is_a_temperature():
     assert run("G10 P0 S200\n").modes[0, 3] == 0
 
 
+@pytest.mark.parametrize("words", ["P1 X0 Y2 Z-.1", "L1 P1 Z0", "L2 P1 X5", "P1", "X5", "P0 U0"])
+def test_an_offset_of_a_tool_is_no_retraction(words):
+    """G10 sets offsets too: taken for a retraction, all travels were written with G10 and G11."""
+    assert run(f"G10 {words}\n").modes[0, 3] == 0
+    assert run(f"G10\nG11 {words}\n").modes[1, 3] == 1
+
+
 @pytest.mark.parametrize(
     "arc", ["G2 X10 Y0 I5 J0 E2", "G2 X10 Y0 R5 E2", "G3 X10 Y0 I5 E2", "G3 X10 R-5 E2"]
 )

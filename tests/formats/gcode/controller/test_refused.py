@@ -57,6 +57,31 @@ def test_what_is_in_force_where_something_moves_is_refused(text, said):
         run(text)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "G91 G1 Z5 F600", "G90G1X5", "M83 G1 X5 E5", "M106 S255 G1 X5", "T0 G1 X5", "G1 Z5 G0 X9",
+        "G28 (home) G1 Z5",
+    ],
+)  # fmt: skip
+def test_a_second_command_in_a_line_is_refused(line):
+    """RepRapFirmware makes that move, Marlin and Klipper pass over it: it was lost silently."""
+    with pytest.raises(InputError, match="t:2: two commands in a line"):
+        run(f"G28\n{line}\n{MOVES}")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "M117 G1 Z5", "M118 G1 Z5", 'M98 P"G1.g"', "M900 L1000.0 M1.0", "G1 X5 (G0 X9)",
+        "G1 X5 ; G0 X9", 'RESPOND MSG="G1"', "M486 AG1.stl", "G29 P1 ; G1",
+    ],
+)  # fmt: skip
+def test_what_only_looks_like_a_second_command_is_kept(line):
+    """Messages, names and comments hold any words."""
+    run(f"{MOVES}{line}\n")
+
+
 @pytest.mark.parametrize("line", ["M596 P1", "M596P1", "M598", "M606 S1", "M596 P{var.n}"])
 def test_a_file_for_several_motion_systems_is_refused_as_that(line):
     """Each system has positions of its own: the moves of one would be taken for the other's."""

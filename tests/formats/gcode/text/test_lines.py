@@ -17,7 +17,7 @@ from decmcts.formats.gcode.text.lines import command_of, split_lines
 
 def values(line: str) -> dict[str, float]:
     row = split_lines(line.encode() + b"\n", "t").values[0]
-    return {k: v for k, v in zip("XYZEFIJRDS", row.tolist(), strict=True) if not np.isnan(v)}
+    return {k: v for k, v in zip("XYZEFIJRDSP", row.tolist(), strict=True) if not np.isnan(v)}
 
 
 @pytest.mark.parametrize(
