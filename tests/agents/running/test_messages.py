@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from agents.messages.event_stream import pack_event
-from agents.networks.lossy import LossyTransport
-from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
+from agents.networks.memory import LossyTransport, MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Packet
 from agents.running.clock import PrintClock
 from agents.running.port import (
