@@ -30,6 +30,7 @@ from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
 from agents.planners.planner import AgentPlanner
 from decmcts.errors import InputError
+from decmcts.formats.files.atomic import write_whole
 from decmcts.leaving import leave
 
 LINGER_S = 10.0
@@ -45,7 +46,15 @@ MakePlanner = Callable[[argparse.Namespace], AgentPlanner]
 def run(
     planner: AgentPlanner, given: argparse.Namespace, pipe: PipeFront | None = None
 ) -> PlanReleased | None:
-    """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released."""
+    """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released.
+
+    Raises
+    ------
+    InputError
+        If it is alone, without a launcher, and cannot print everything: nobody comes to help.
+    """
+    if given.meeting is None and not given.controlled:
+        planner.serial((given.head,))
     front = (pipe or PipeFront()) if given.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
@@ -68,7 +77,7 @@ def run(
         front.ready(planner.problem)
         _step_to_the_end(agent, linger_s=None if given.controlled else LINGER_S)
     if given.output is not None and agent.released is not None:
-        given.output.write_text(json.dumps(line_of(agent.released)))
+        write_whole(given.output, json.dumps(line_of(agent.released)).encode())
     return agent.released
 
 

@@ -25,8 +25,7 @@ import numpy as np
 from agents.launching.places import remove_left
 from agents.launching.processes import failed
 from agents.loop.pipes import PipeFront, any_command
-from agents.networks.lossy import LossyTransport
-from agents.networks.memory import Weather
+from agents.networks.memory import LossyTransport, Weather
 from agents.networks.transport import NoNetwork, Packet, Transport
 from agents.networks.zenoh_transport import ZenohTransport
 from agents.running.carrier import Carrier, NumberedPlan

@@ -307,7 +307,7 @@ class HeadAgreement:
                 theirs, ours = apart(commit.digest, self._own.digest)
                 self._out.append(LogNote(f"a peer released another plan: {theirs}, not {ours}"))
         elif self.head not in commit.live:
-            self._leave_parked("the others released a plan without this head")
+            self._leave_parked()
         else:
             self.phase = Phase.AGREEING
             self._adopting = commit
@@ -373,7 +373,8 @@ class HeadAgreement:
             if own is None or key_of(theirs) != key_of(own):
                 self._ask_for(key_of(theirs))
 
-    def _leave_parked(self, reason: str) -> None:
+    def _leave_parked(self) -> None:
+        reason = "the others released a plan without this head"
         self._send(Goodbye("", reason))
         self._out.append(Left(reason))
         self.phase = Phase.LEFT

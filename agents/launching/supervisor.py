@@ -71,7 +71,6 @@ class Supervisor:
         self._clock = clock
         self._started = clock()
         self._first_ready_at: float | None = None
-        self._ready_at: float | None = None  # all agents that are left
         self._met_at: float | None = None
         self._over_at: float | None = None  # planning, by the first agent's word
         self._fenced_at = self._moved_at = -float("inf")
@@ -308,8 +307,6 @@ class Supervisor:
         if waiting:
             self._enforce_start(waiting, now)
             return
-        if self._ready_at is None:
-            self._ready_at = now
         if self._met_at is None and not any(map(self._missing, self._unfenced())):
             self._met_at = now
         if self._is_over(now) or self._met_at is None:

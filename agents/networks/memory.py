@@ -1,14 +1,15 @@
-"""A network in memory with its own clock, for tests and experiments.
+"""Networks made worse: one in memory with its own clock, for tests and experiments, and any other.
 
 Seeded loss, delay, reordering (delays differ) and duplication hit every
 message, reliable ones too: the protocol must live with worse than zenoh does
 to it. Presence is told like zenoh's liveliness: never lost, in order, a hung
-head only after its lease.
+head only after its lease. Behind a `LossyTransport` real messages are as bad.
 """
 
 from __future__ import annotations
 
 import heapq
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -17,7 +18,7 @@ from typing import Self
 import numpy as np
 
 from agents.messages.kinds import Presence
-from agents.networks.transport import Arrival, Packet
+from agents.networks.transport import Arrival, Packet, Transport
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,3 +158,43 @@ class MemoryTransport:
 
     def move(self, places: Sequence[str]) -> None:
         """Stay: there is one place in memory."""
+
+
+class LossyTransport:
+    """A transport behind which the weather is bad; its delays are seconds of the world."""
+
+    def __init__(self, inner: Transport, weather: Weather, rng: np.random.Generator) -> None:
+        self._inner, self._weather, self._rng = inner, weather, rng
+        self._late: list[tuple[float, int, Packet]] = []
+        self._numbers = count()
+
+    def __enter__(self) -> Self:
+        """Open the network."""
+        self._inner.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Leave it."""
+        self._inner.__exit__(*error)
+
+    def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
+        """Send: what arrives is made worse by those who hear it."""
+        self._inner.send(kind, payload, reliable=reliable)
+
+    def receive(self, timeout_s: float) -> list[Arrival]:
+        """Return what arrived, and was not lost, at its time."""
+        found: list[Arrival] = []
+        for arrival in self._inner.receive(timeout_s):
+            if not isinstance(arrival, Packet):
+                found.append(arrival)
+                continue
+            for delay_s in self._weather.delays(self._rng):
+                due = time.monotonic() + delay_s
+                heapq.heappush(self._late, (due, next(self._numbers), arrival))
+        while self._late and self._late[0][0] <= time.monotonic():
+            found.append(heapq.heappop(self._late)[2])
+        return found
+
+    def move(self, places: Sequence[str]) -> None:
+        """Meet the others elsewhere."""
+        self._inner.move(places)

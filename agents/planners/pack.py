@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def read_pack(folder: Path) -> Pack:
         If the folder holds no pack or a broken one.
     """
     try:
-        with np.load(folder / _ARRAYS, allow_pickle=False) as stored:
+        with (folder / _ARRAYS).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
         rest = json.loads((folder / _REST).read_text())
         job = PrintJob(
@@ -100,7 +101,7 @@ def read_pack(folder: Path) -> Pack:
         start = StatedOrder(**order) if order else None
         machine = machine_from_dict(rest["machine"])
         return Pack(job, machine, graph, rest["options"], lags, start)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
         raise InputError(f"no problem pack: {error}", path=folder) from error
 
 

@@ -38,9 +38,12 @@ class PrintClock:
         return self._read()[2]
 
     def now(self) -> float:
-        """Return seconds since the print began."""
-        then, there, pace = self._read()
-        return there + (time.monotonic() - then) * pace
+        """Return seconds since the print began; never less than anybody was told before."""
+        while True:
+            then, there, pace = self._read()
+            now = time.monotonic()
+            if self._read()[0] == then:  # else the pace has changed since
+                return there + (now - then) * pace
 
     def until(self, time_s: float) -> float:
         """Return seconds of the world until so late in the print; 0 for what has passed."""
@@ -48,12 +51,13 @@ class PrintClock:
 
     def set_pace(self, pace: float) -> None:
         """Go faster or slower from now on."""
+        then, there, before = self._read()
         (changes,) = struct.unpack_from("=d", self._map, 0)
-        now = self.now()
-        self._write(changes + 1.0, time.monotonic(), now, pace)
+        struct.pack_into("=d", self._map, 0, -changes)  # readers wait: nobody is told a later time
+        now = time.monotonic()
+        self._write(changes + 1.0, now, there + (now - then) * before, pace)
 
     def _write(self, changes: float, then: float, there: float, pace: float) -> None:
-        struct.pack_into("=d", self._map, 0, -changes)  # readers wait
         struct.pack_into("=dddd", self._map, 8, changes, then, there, pace)
         struct.pack_into("=d", self._map, 0, changes)
 

@@ -37,6 +37,26 @@ def test_an_agent_alone_writes_its_plan(tmp_path: Path) -> None:
     assert sorted(written["plans"]["1"]) == list(range(40))
 
 
+def test_an_agent_alone_that_cannot_print_everything_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is not to wait for others for ever: nobody can come."""
+    monkeypatch.setattr("agents.extruder._step_to_the_end", lambda agent, linger_s: 1 / 0)
+    assert main(["--head", "1"], make_planner=toy(needed=0)) == 2
+    assert capsys.readouterr().err == "decmcts: only left can do job 0\n"
+
+
+def test_a_plan_that_cannot_be_written_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The folder may be gone by then."""
+    given = ["--head", "1", "--time-limit", "0", "--output", str(tmp_path / "gone" / "plan.json")]
+    assert main(given, make_planner=toy()) == 2
+    assert (
+        capsys.readouterr().err.splitlines()[-1].startswith(f"decmcts: {tmp_path}/gone/plan.json")
+    )
+
+
 def test_options_are_read(tmp_path: Path) -> None:
     """Agents by hand are given addresses, also of other hosts, and a file with their secret."""
     secret = tmp_path / "secret"

@@ -32,7 +32,13 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.alone import one_head_toolpaths
 from decmcts.team.engine.plans import StatedOrder
-from decmcts.team.schedule.entries import OrderChoices, best_entries, differ, with_entries
+from decmcts.team.schedule.entries import (
+    OrderChoices,
+    best_entries,
+    differ,
+    entries_of,
+    with_entries,
+)
 from decmcts.team.schedule.joint_plan import schedule
 
 BOUND_WAIT_S = 10.0  # at most, once all else is done
@@ -148,7 +154,11 @@ def with_bound(
         found = bound.result(wait_s)
     except TimeoutError:
         given = planned.problem
-        found = makespan_bound(given.job, given.machine, given.graph, travel=False, rail=False)
+        orders = OrderChoices(given.rules.freedom.value, given.rules.seam.value)
+        found = makespan_bound(
+            given.job, given.machine, given.graph, entries=entries_of(given.job, orders),
+            travel=False, rail=False,
+        )  # fmt: skip
         report(Note(f"the sharper bound was not found {wait_s:.0f} s after the plan: a simple one"))
     metrics: Metrics = {**planned.after.metrics, "bound": dataclasses.asdict(found)}
     return dataclasses.replace(planned, after=dataclasses.replace(planned.after, metrics=metrics))

@@ -58,20 +58,11 @@ def _prices(table: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np
     return prices
 
 
-def patched(
-    costs: NDArray[np.float64], possible: NDArray[np.bool_], following: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return a sequence made of an assignment's cycles.
-
-    It starts with node 0 and ends with n − 1 but may break precedence.
-    """
-    return patch_cycles(np.where(possible, costs, np.inf), following)
-
-
 def patch_cycles(table: NDArray[np.float64], following: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a sequence: an assignment's cycles patched to one, the two largest at a time.
 
-    `table` (n, n) holds costs, infinite for impossible steps.
+    It starts with node 0 and ends with n − 1 but may break precedence. `table` (n, n) holds
+    costs, infinite for impossible steps.
     """
     n = len(table)
     dear = 1.0 + 2.0 * n * float(table.max(initial=0.0, where=np.isfinite(table)))

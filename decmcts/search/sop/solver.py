@@ -32,7 +32,7 @@ from decmcts.print.brief import brief
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
-from decmcts.search.sop.assignment import Assignment, assign, patched
+from decmcts.search.sop.assignment import Assignment, assign, patch_cycles
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.threads import ALL_PARTS, Parts, TwoThreads
 
@@ -165,7 +165,8 @@ def _search(
     """Spend the budget on the incumbent; return a proven lower bound."""
     costs = incumbent.problem.costs
     assert costs is not None
-    relaxed = patched(costs, precedence.possible, assignment.following)
+    steps = np.where(precedence.possible, costs, np.inf)
+    relaxed = patch_cycles(steps, assignment.following)
     incumbent.offer(precedence.repaired(relaxed), incumbent.reversed)
     incumbent.tick()
     if len(costs) <= 3 or incumbent.over:

@@ -36,7 +36,7 @@ from decmcts.print.loops import rotated
 from decmcts.print.loops_kernels import SLIVER_MM
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
-from decmcts.search.bounds.chains_kernels import longest_chain
+from decmcts.search.bounds.chains_kernels import chain_behind
 from decmcts.team.bounds.least_time import choices, least_times
 from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.bounds.pair_bound import pair_bound
@@ -92,7 +92,7 @@ def makespan_bound(
     if travel and heads > 1:
         shares = travel_shares(job, machine, graph, time, entries)
     travelled = shares.spent(heads)
-    chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
+    chain = float(chain_behind(time, graph.succ_offsets, graph.succs).max(initial=0.0))
     alone = eligible.sum(axis=1) == 1
     exclusive = 0.0
     for r in range(heads):

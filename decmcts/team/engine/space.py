@@ -41,9 +41,6 @@ class Workspaces:
 
 def contour_boxes(contours: Contours) -> NDArray[np.float64]:
     """Return min x, max x, min y, max y of each contour's nozzle path, (n, 4)."""
-    n = len(contours)
-    if n == 0:
-        return np.empty((0, 4))
     low = np.minimum.reduceat(contours.points[:, :2], contours.offsets[:-1])
     high = np.maximum.reduceat(contours.points[:, :2], contours.offsets[:-1])
     return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
@@ -51,7 +48,7 @@ def contour_boxes(contours: Contours) -> NDArray[np.float64]:
 
 def eligibility(contours: Contours, heads: tuple[Head, ...]) -> NDArray[np.bool_]:
     """Return which head may print which contour: tool and reach, (n, heads)."""
-    boxes, top, bottom = contour_boxes(contours), _tops(contours), _bottoms(contours)
+    boxes, top, bottom = contour_boxes(contours), contours.top, contours.bottom
     columns = []
     for head in heads:
         low, high = head.reach_min, head.reach_max
@@ -63,14 +60,6 @@ def eligibility(contours: Contours, heads: tuple[Head, ...]) -> NDArray[np.bool_
         )
         columns.append(inside & tool)
     return np.stack(columns, axis=1)
-
-
-def _tops(contours: Contours) -> NDArray[np.float64]:
-    return contours.top if len(contours) else np.empty(0)
-
-
-def _bottoms(contours: Contours) -> NDArray[np.float64]:
-    return contours.bottom if len(contours) else np.empty(0)
 
 
 def body_boxes(head: Head) -> NDArray[np.float64]:

@@ -6,8 +6,8 @@ depends on the timing, so all of them cost that much. Where heads signal in moti
 `signal_interval_s` apart (`decmcts.print.signals`): waits for points too near to another become
 waits for later ones, and where a head must stand before it may signal, its action ends later.
 
-Where a head has stood idle its next bead begins later (`decmcts.team.schedule.idling`). Where that
-is depends on the times, so these are found twice.
+Where a head has stood idle its next bead begins later: it is pushed forth again, and primed. Where
+that is depends on the times, so these are found twice.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.motion import filament_time
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
 from decmcts.print.signals import Signals, apart_s, places_of, signals_of
-from decmcts.team.schedule.idling import idle_seconds
+from decmcts.print.stands import practice_of, primed_before, stands_of
 from decmcts.team.schedule.standing_kernels import times_with_stops
 from decmcts.team.schedule.timing import ActionTimes
 
@@ -65,7 +66,7 @@ def with_stops(
         )
 
     found = timed([np.zeros(len(head)) for head in plan.heads])
-    more = [idle_seconds(head, h, job, machine) for h, head in enumerate(found.heads)]
+    more = [_idle_seconds(head, h, job, machine) for h, head in enumerate(found.heads)]
     return timed(more) if any(beyond.any() for beyond in more) else found
 
 
@@ -109,3 +110,27 @@ def _passing(
         timed[within] += more[g][action[within]]
         found[mine] = timed
     return np.asarray(found + head.after_lag_s)
+
+
+def _idle_seconds(actions: HeadActions, h: int, job: PrintJob, machine: Machine) -> Floats:
+    """Return by how much the actions of head number h take longer, (k,) seconds.
+
+    It is pulled back while it stands, and hot again by then, which takes no time of the plan.
+    """
+    head, more = machine.heads[h], np.zeros(len(actions))
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    if not len(prints):
+        return more
+    practice, settings = practice_of(actions, job, head.idle)
+    usual = settings.retract_mm
+    deep = max(usual, practice.retract_mm)
+    stands = stands_of(actions, h, job.contours.epoch, head.idle.after_s)
+    pulled = np.zeros(len(actions), np.bool_)
+    pulled[prints[np.searchsorted(prints, list(stands))]] = True
+    primed = primed_before(actions, head.idle.after_s)
+    limits, feed = machine.limits_of(head), settings.unretract_feed
+    before = filament_time(usual, feed, limits)
+    for k in np.flatnonzero(pulled | primed).tolist():
+        pushed = (deep if pulled[k] else usual) + (practice.prime_mm if primed[k] else 0.0)
+        more[k] = (filament_time(pushed, feed, limits) - before) * head.pace
+    return more

@@ -67,13 +67,16 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
         assert getattr(back.start, f.name).tolist() == getattr(start, f.name).tolist()
 
 
+@pytest.mark.parametrize("kept", [b"{}", b"PK\x03\x04"], ids=["other", "broken off"])
 @pytest.mark.parametrize("spoil", ["", "problem.npz", "problem.json"])
-def test_a_missing_or_broken_pack_is_one_clear_error(tmp_path: Path, spoil: str) -> None:
+def test_a_missing_or_broken_pack_is_one_clear_error(
+    tmp_path: Path, spoil: str, kept: bytes
+) -> None:
     """An agent started by hand may be pointed anywhere."""
     if spoil:
         job = PrintJob("two", contours())
         graph = DependencyGraph.from_pairs(2, np.zeros((0, 2), np.int32))
         write_pack(Pack(job, load_machine("paper"), graph), tmp_path)
-        (tmp_path / spoil).write_bytes(b"{}")
+        (tmp_path / spoil).write_bytes(kept)
     with pytest.raises(InputError, match="no problem pack"):
         read_pack(tmp_path)

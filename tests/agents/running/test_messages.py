@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
 
 from agents.messages.event_stream import pack_event
-from agents.networks.lossy import LossyTransport
-from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
+from agents.networks.memory import LossyTransport, MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Packet
 from agents.running.clock import PrintClock
 from agents.running.port import (
@@ -110,6 +111,67 @@ def test_the_clock_goes_on_when_its_pace_changes(tmp_path: Path) -> None:
     assert before <= other.now() <= clock.now() + 0.01
     assert other.pace == 0.001 and other.until(other.now() + 1.0) > 900.0
     assert other.until(0.0) == 0.0
+
+
+class World:
+    """The seconds of the world, and what happens once just before or behind a look at them."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.before: Callable[[], None] | None = None
+        self.behind: Callable[[], None] | None = None
+
+    def monotonic(self) -> float:
+        """Return the seconds."""
+        before, behind, self.before, self.behind = self.before, self.behind, None, None
+        if before is not None:
+            before()
+        now = self.now
+        if behind is not None:
+            behind()
+        return now
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    world = World()
+    monkeypatch.setattr("agents.running.clock.time", world)
+    return world
+
+
+def test_no_process_sees_a_time_that_a_change_of_pace_takes_back(
+    tmp_path: Path, world: World
+) -> None:
+    """Be the one that sets the pace held up, in which the others go on at the old one."""
+    clock = PrintClock.made(tmp_path / "clock", 1000.0)
+    other, seen = PrintClock(tmp_path / "clock"), list[float]()
+    reader = Thread(target=lambda: seen.append(other.now()))
+
+    def held_up() -> None:
+        world.now = 15.0
+        reader.start()
+        reader.join(0.05)
+
+    world.now, world.behind = 10.0, held_up
+    clock.set_pace(1.0)
+    reader.join()
+    assert seen[0] <= clock.now()
+
+
+def test_who_is_held_up_while_it_reads_the_clock_sees_the_new_pace(
+    tmp_path: Path, world: World
+) -> None:
+    """The old one would count the seconds since then many times."""
+    clock = PrintClock.made(tmp_path / "clock", 1000.0)
+    other = PrintClock(tmp_path / "clock")
+    world.now = 10.0
+
+    def held_up() -> None:
+        clock.set_pace(1.0)
+        world.now = 15.0
+
+    world.before = held_up
+    assert other.now() <= clock.now()
 
 
 def test_a_lossy_transport_loses_doubles_and_delays() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from decmcts.errors import InputError
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.assignment import assign, patched
+from decmcts.search.sop.assignment import assign, patch_cycles
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
 from decmcts.search.sop.precedence import Precedence
@@ -93,7 +93,8 @@ def test_the_assignment_bounds_and_prices_every_sequence(seed: int, n: int, dens
             real = costs[order[:-1], order[1:]].sum()
             reduced = assignment.reduced[order[:-1], order[1:]].sum()
             assert real == pytest.approx(assignment.bound + reduced)
-    order = patched(costs, precedence.possible, assignment.following)
+    steps = np.where(precedence.possible, costs, np.inf)
+    order = patch_cycles(steps, assignment.following)
     assert sorted(order) == list(range(n))
     assert (order[0], order[-1]) == (0, n - 1)
 

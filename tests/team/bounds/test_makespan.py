@@ -15,7 +15,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.loops import enter_at
 from decmcts.print.machine import Slice
 from decmcts.print.seam import seam_entries
-from decmcts.search.bounds.chains_kernels import chain_behind, longest_chain
+from decmcts.search.bounds.chains_kernels import chain_behind
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.bounds.rail_bound import RailUse, rail_bound
 from decmcts.team.engine.problem import build_team_problem
@@ -223,10 +223,9 @@ def test_whom_only_boxes_keep_out_may_print_too(case_of: Callable[..., Any]) -> 
     assert makespan_bound(chosen.job, machine, chosen.graph).exclusive_s == 0.0
 
 
-def test_longest_chain_and_chain_behind() -> None:
+def test_chain_behind() -> None:
     """A chain bounds whatever the heads do; the chain behind steers who goes first."""
     graph = DependencyGraph.from_pairs(5, np.array([[0, 1], [1, 3], [0, 2], [2, 3]]))
     seconds = np.array([1.0, 5.0, 2.0, 4.0, 7.0])
-    assert longest_chain(seconds, graph.pred_offsets, graph.preds) == 10.0
     behind = chain_behind(seconds, graph.succ_offsets, graph.succs)
     assert behind.tolist() == [10.0, 9.0, 6.0, 4.0, 7.0]
