@@ -45,7 +45,7 @@ MOST_PIECES = 250_000  # of a print that is cut; more take too much memory
 ROUNDS = 4  # sweeps that are tried at most
 SHORTENED = 0.9  # of a sweep's time: less travel saves no more
 LATE = 0.1  # of a sweep's time that heads may wait for what is late: all of them for all of it
-GAIN = 0.995  # of the time without cuts: cuts that gain less than the estimates' error are not made
+GAIN = 0.998  # of the time without cuts: cuts that gain less than the estimates' error are not made
 # of what a cut is taken to cost, and by how much nearer heads come: layouts that are tried too
 OTHERS = ((0.6, 0.0), (1.7, 0.0), (1.0, 0.8), (0.8, 0.4))
 MOST_TRIED = 200_000  # pieces of all sweeps that are tried; more take too long
