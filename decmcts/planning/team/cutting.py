@@ -45,7 +45,11 @@ MOST_PIECES = 250_000  # of a print that is cut; more take too much memory
 ROUNDS = 4  # sweeps that are tried at most
 SHORTENED = 0.9  # of a sweep's time: less travel saves no more
 LATE = 0.1  # of a sweep's time that heads may wait for what is late: all of them for all of it
-GAIN = 0.998  # of the time without cuts: cuts that gain less than the estimates' error are not made
+GAIN = 0.995  # of the time without cuts: cuts that gain less than the estimates' error are not made
+# of the same, where no sweep but the first policies end first: pieces may seem to end so much
+# later, as the search finds better orders of them
+ESTIMATED = 1.005
+EFFORT = 4  # times the policies: what few of them reach is no estimate of so small differences
 # of what a cut is taken to cost, and by how much nearer heads come: layouts that are tried too
 OTHERS = ((0.6, 0.0), (1.7, 0.0), (1.0, 0.8), (0.8, 0.4))
 MOST_TRIED = 200_000  # pieces of all sweeps that are tried; more take too long
@@ -106,15 +110,18 @@ def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) ->
         found = [each for each in (whole, pieces) if each is not None]
         return min(found, key=lambda each: each.makespan_s, default=None)
     if whole is None:
-        uncut = first_policies_s(build_team_problem(problem.job, problem.machine, problem.graph))
+        team = build_team_problem(problem.job, problem.machine, problem.graph)
+        uncut = first_policies_s(team, EFFORT)
     else:
         uncut = _reached(whole)
-    return pieces if _reached(pieces) < GAIN * uncut else whole
+    end_s = _reached(pieces)
+    worth = ESTIMATED if end_s < pieces.makespan_s else GAIN
+    return pieces if end_s < worth * uncut else whole
 
 
 def _reached(found: Swept) -> float:
     """Return when heads end by their sweep, or by the first policies where that is sooner, s."""
-    return min(found.makespan_s, first_policies_s(found.team))
+    return min(found.makespan_s, first_policies_s(found.team, EFFORT))
 
 
 def _swept(

@@ -96,13 +96,13 @@ def resolve(
     return _dispatched(problem, intents, fleet, eligible)
 
 
-def first_policies_s(problem: TeamProblem) -> float:
+def first_policies_s(problem: TeamProblem, effort: int = 1) -> float:
     """Return the shortest makespan of the first policies, all heads by the same one, s.
 
-    A quick estimate of what heads can reach.
+    A quick estimate of what heads can reach; with more `effort` of so many times the policies.
     """
     heads = range(len(problem.machine.heads))
-    count = min(TUNED, max(LEAST, FIRST // max(1, len(problem.macro))))
+    count = effort * min(TUNED, max(LEAST, FIRST // max(1, len(problem.macro))))
     plans = [encode(policy, problem.n_macros) for policy in range(count)]
     return min(resolve(problem, dict.fromkeys(heads, plan), heads).makespan_s for plan in plans)
 

@@ -152,7 +152,7 @@ def test_nothing_is_cut_where_heads_end_sooner_without_any_sweep(
     assert pieces is not None and pieces.problem.whole is not None
     policies = {len(problem.job.contours): 0.99 * pieces.makespan_s}
     monkeypatch.setattr(
-        cutting, "first_policies_s", lambda team: policies.get(len(team.macro), 1e9)
+        cutting, "first_policies_s", lambda team, effort: policies.get(len(team.macro), 1e9)
     )
     whole = best_sweep(problem, Cut.INSIDE, unheard)
     assert whole is not None and whole.problem.whole is None
