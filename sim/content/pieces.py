@@ -227,7 +227,7 @@ def _hidden(contours: Contours, of: Ints, begin: Floats, end: Floats) -> Flags:
     height = begin[rows, 2]
     over, _ = crossed_by(contours, begin[rows, :2], end[rows, :2], height, height)
     hidden[rows[over]] = False
-    return hidden
+    return np.asarray(hidden)
 
 
 def _coverage(contours: Contours, steps: _Steps) -> list[Fault]:
