@@ -27,6 +27,7 @@ from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.walls import bare_pairs, outer_walls
 
 INSIDE_HOP_MM = 5.0  # longest hop in infill
+ASIDE_MM = 0.01  # a hop beside this one, either side, must stay inside too: ends are rounded
 INFILL = (Role.INFILL, Role.SOLID_INFILL)  # that is inside the part
 LEAST_MM = 0.4  # no stretch is shorter
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)  # what shows
@@ -129,10 +130,9 @@ def _grouped(
     length = np.linalg.norm(b - a, axis=1)
     same = (contour[1:] == contour[:-1]) & (strip[1:] == strip[:-1])
     new[1:] = ~(same & (length <= hop_mm))
-    far = np.flatnonzero(same & new[1:] & (length <= INSIDE_HOP_MM))
+    far = np.flatnonzero(same & new[1:] & (length <= INSIDE_HOP_MM - ASIDE_MM))
     far = far[np.isin(c.role[contour[far]], INFILL)]
-    if len(far):
-        new[far + 1] = ~bare_pairs(outer_walls(c), INSIDE_HOP_MM, a[far], b[far])
+    new[far + 1] = ~_stays_inside(c, a[far], b[far])
     group = np.cumsum(new) - 1
     begins = np.flatnonzero(new)
     turn = np.lexsort((begin[begins], contour[begins]))  # pieces by where they begin
@@ -140,6 +140,19 @@ def _grouped(
     rank[turn] = np.arange(len(turn))
     order = np.lexsort((begin, rank[group]))
     return Stretches(contour[order], begin[order], end[order]), new[order]
+
+
+def _stays_inside(c: Contours, begin: Floats, end: Floats) -> NDArray[np.bool_]:
+    """Tell which hops (k, 3) to (k, 3) lead over no outer wall, however their ends are rounded."""
+    inside = np.ones(len(begin), np.bool_)
+    if not len(begin):
+        return inside
+    walls, step = outer_walls(c), end - begin
+    aside = np.column_stack([-step[:, 1], step[:, 0], 0.0 * step[:, 2]])
+    aside *= ASIDE_MM / np.linalg.norm(step, axis=1)[:, None]
+    for by in (-aside, 0.0 * aside, aside):
+        inside &= bare_pairs(walls, INSIDE_HOP_MM, begin + by, end + by)
+    return inside
 
 
 def _strips_of(

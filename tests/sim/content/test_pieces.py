@@ -225,3 +225,20 @@ def test_hops_in_infill_are_short_too(job: PrintJob) -> None:
     far = cut_at(wide, [90.0, 130.0], hop_mm=30.0).contours
     assert any("hops" in fault.text for fault in parted_source(far, wide, "all").faults)
     assert parted_source(cut_at(wide, [90.0, 130.0]).contours, wide, "all").faults == ()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hops_that_just_miss_a_wall_or_the_longest_are_judged_alike(
+    job: PrintJob, seed: int
+) -> None:
+    """Cuts are rounded to the file's digits behind the planner's look at them."""
+    random = np.random.default_rng(seed)
+    contours, points = job.contours, job.contours.points.copy()
+    for c in np.flatnonzero(contours.role == Role.EXTERNAL_PERIMETER):
+        rows = slice(contours.offsets[c], contours.offsets[c + 1])
+        points[rows, 0] = 90.0 + random.uniform(-1e-3, 1e-3, rows.stop - rows.start)
+    points[:, 1] = 150.0 + (5.0 + random.uniform(-2e-3, 2e-3)) / 4.0 * (points[:, 1] - 150.0)
+    near = replace(job, contours=replace(contours, points=points))
+    for place in 90.0 + random.uniform(-2e-3, 2e-3, 8):
+        pieces = cut_at(near, [place, 130.0]).contours
+        assert parted_source(pieces, near, "all").faults == ()
