@@ -102,7 +102,7 @@ def first_policies_s(problem: TeamProblem, effort: int = 1) -> float:
     A quick estimate of what heads can reach; with more `effort` of so many times the policies.
     """
     heads = range(len(problem.machine.heads))
-    count = effort * min(TUNED, max(LEAST, FIRST // max(1, len(problem.macro))))
+    count = min(effort * TUNED, max(LEAST, effort * FIRST // max(1, len(problem.macro))))
     plans = [encode(policy, problem.n_macros) for policy in range(count)]
     return min(resolve(problem, dict.fromkeys(heads, plan), heads).makespan_s for plan in plans)
 
