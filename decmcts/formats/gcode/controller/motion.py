@@ -37,7 +37,8 @@ _ALL_PLANES = (170, 180, 190)
 _OF_ARCS = (*_PLANES, 901)
 _CURVES = (50, 51, 52)
 _COMMANDS = tuple(b"GMT")  # letters of commands that are no macros
-_SECOND = re.compile(r"\S[^\"]*(?<![A-Z_])G ?\d", re.I)  # behind a first, and in no text
+# behind a line's number and a first command, and in no text
+_SECOND = re.compile(r"\s*+(?:N ?\d++)?+\s*+[^\"]+(?<![A-Z_])G ?\d", re.I)
 _SYSTEM = re.compile(rb"P\s*0*(\d+|[^\s\d])", re.I)
 
 
@@ -195,14 +196,14 @@ def _refuse_second_commands(lines: Lines) -> None:
     raw = np.frombuffer(lines.text, np.uint8) & 0xDF  # capital letters
     at = np.flatnonzero(raw == ord("G"))
     row = np.searchsorted(lines.starts, at, side="right") - 1
-    behind = (at > lines.starts[row]) & (at < lines.comment[row])
-    behind &= np.isin(lines.letter[row], _COMMANDS)
-    for line in np.unique(row[behind]).tolist():
+    count = np.bincount(row[at < lines.comment[row]], minlength=len(lines.letter))
+    behind = (count > (lines.letter == ord("G"))) & np.isin(lines.letter, _COMMANDS)
+    for line in np.flatnonzero(behind).tolist():
         code = without_brackets(lines.raw(line).split(b";")[0].decode("latin-1"))
         meaning = classify(lines.raw(line))
         moves = lines.letter[line] == 71 and lines.code[line] <= 30
         known = moves or not (meaning.slot == "message" or meaning.text in UNKNOWN)
-        if known and _SECOND.search(code):
+        if known and _SECOND.match(code):
             raise lines.refuse(
                 line, "two commands in a line, of which some firmwares carry out one only",
                 "give each a line of its own",

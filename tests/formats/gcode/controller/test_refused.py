@@ -61,7 +61,7 @@ def test_what_is_in_force_where_something_moves_is_refused(text, said):
     "line",
     [
         "G91 G1 Z5 F600", "G90G1X5", "M83 G1 X5 E5", "M106 S255 G1 X5", "T0 G1 X5", "G1 Z5 G0 X9",
-        "G28 (home) G1 Z5",
+        "G28 (home) G1 Z5", "N2 G91 G1 Z5*2",
     ],
 )  # fmt: skip
 def test_a_second_command_in_a_line_is_refused(line):
@@ -74,7 +74,8 @@ def test_a_second_command_in_a_line_is_refused(line):
     "line",
     [
         "M117 G1 Z5", "M118 G1 Z5", 'M98 P"G1.g"', "M900 L1000.0 M1.0", "G1 X5 (G0 X9)",
-        "G1 X5 ; G0 X9", 'RESPOND MSG="G1"', "M486 AG1.stl", "G29 P1 ; G1",
+        "G1 X5 ; G0 X9", 'RESPOND MSG="G1"', "M486 AG1.stl", "G29 P1 ; G1", "N10 G1 X5*33",
+        "N3G28", "  n7 g1 x5",
     ],
 )  # fmt: skip
 def test_what_only_looks_like_a_second_command_is_kept(line):
