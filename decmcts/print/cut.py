@@ -24,7 +24,8 @@ from decmcts.print.cut_kernels import Stretches, cut_at_lines, points_of
 from decmcts.print.job import PrintJob
 from decmcts.print.metrics import CutMetrics
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
-from decmcts.print.walls import bare_pairs, outer_walls
+from decmcts.print.walls import bare_pairs
+from decmcts.print.walls_kernels import Walls
 
 INSIDE_HOP_MM = 5.0  # longest hop in infill
 ASIDE_MM = 0.01  # a hop beside this one, either side, must stay inside too: ends are rounded
@@ -70,13 +71,15 @@ def cut_metrics(pieces: Contours) -> CutMetrics:
 
 
 def cut_job(
-    job: PrintJob, lines: CutLines, *, hop_mm: float, hop_feed: float, whole: NDArray[np.bool_],
-    grid: Grid,
+    job: PrintJob, lines: CutLines, *, walls: Walls, hop_mm: float, hop_feed: float,
+    whole: NDArray[np.bool_], grid: Grid,
 ) -> tuple[PrintJob, NDArray[np.int64]]:  # fmt: skip
     """Return the job with its contours cut at lines.
 
     Parameters
     ----------
+    walls : Walls
+        The outer walls of the job.
     hop_mm : float
         Stretches of one strip whose ends are no farther apart become one piece; those of infill
         also where they are no farther apart than `INSIDE_HOP_MM` inside the part.
@@ -92,7 +95,7 @@ def cut_job(
     """
     c = job.contours
     parts = cut_at_lines(c.points, c.offsets, lines.axis, lines.at, lines.offsets, whole, LEAST_MM)
-    parts, first = _grouped(c, parts, lines, hop_mm)
+    parts, first = _grouped(c, parts, lines, walls, hop_mm)
     made = points_of(
         c.points, c.extrusion, c.feed, c.offsets, parts, first, hop_feed, grid.xy, grid.e
     )
@@ -112,7 +115,7 @@ def cut_job(
 
 
 def _grouped(
-    c: Contours, parts: Stretches, lines: CutLines, hop_mm: float
+    c: Contours, parts: Stretches, lines: CutLines, walls: Walls, hop_mm: float
 ) -> tuple[Stretches, NDArray[np.bool_]]:
     """Return the stretches in the order of pieces, and which of them begin one."""
     middle = _place(c, parts.contour, (parts.begin + parts.end) / 2.0)[:, lines.axis]
@@ -132,7 +135,7 @@ def _grouped(
     new[1:] = ~(same & (length <= hop_mm))
     far = np.flatnonzero(same & new[1:] & (length <= INSIDE_HOP_MM - ASIDE_MM))
     far = far[np.isin(c.role[contour[far]], INFILL)]
-    new[far + 1] = ~_stays_inside(c, a[far], b[far])
+    new[far + 1] = ~_stays_inside(walls, a[far], b[far])
     group = np.cumsum(new) - 1
     begins = np.flatnonzero(new)
     turn = np.lexsort((begin[begins], contour[begins]))  # pieces by where they begin
@@ -142,14 +145,12 @@ def _grouped(
     return Stretches(contour[order], begin[order], end[order]), new[order]
 
 
-def _stays_inside(c: Contours, begin: Floats, end: Floats) -> NDArray[np.bool_]:
+def _stays_inside(walls: Walls, begin: Floats, end: Floats) -> NDArray[np.bool_]:
     """Tell which hops (k, 3) to (k, 3) lead over no outer wall, however their ends are rounded."""
-    inside = np.ones(len(begin), np.bool_)
-    if not len(begin):
-        return inside
-    walls, step = outer_walls(c), end - begin
+    step = end - begin
     aside = np.column_stack([-step[:, 1], step[:, 0], 0.0 * step[:, 2]])
     aside *= ASIDE_MM / np.linalg.norm(step, axis=1)[:, None]
+    inside = np.ones(len(begin), np.bool_)
     for by in (-aside, 0.0 * aside, aside):
         inside &= bare_pairs(walls, INSIDE_HOP_MM, begin + by, end + by)
     return inside

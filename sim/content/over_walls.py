@@ -45,9 +45,12 @@ def crossed_by(
     before, behind : (l,)
         Heights of the two layers whose walls each leg is met with.
     """
+    none = np.empty(0, np.int64), np.empty(0, np.int64)
+    if not len(start):
+        return none
     walls, height, owner = wall_lines(contours)
-    if not len(start) or not len(walls):
-        return np.empty(0, np.int64), np.empty(0, np.int64)
+    if not len(walls):
+        return none
     length = np.hypot(*(end - start).T)
     cut = (end - start) * (END_MM / np.maximum(length, LEAST_MM))[:, None]
     long = length > 2.0 * END_MM

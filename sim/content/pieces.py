@@ -205,7 +205,9 @@ def _hops(
     a, b = pieces.points[steps.point[hops] - 1], pieces.points[steps.point[hops]]
     length = np.linalg.norm(b - a, axis=1)
     longest = min(each.retract_min_travel_mm for each in source.settings.each())
-    wrong = (length >= longest) & ~_hidden(source.contours, steps.of[hops], a, b)
+    wrong = length >= longest
+    far = np.flatnonzero(wrong)
+    wrong[far] = ~_hidden(source.contours, steps.of[hops[far]], a[far], b[far])
     wrong |= pieces.extrusion[steps.point[hops]] != 0.0
     wrong |= steps.end[hops] <= steps.begin[hops]
     feed = pieces.feed[steps.point[hops]]

@@ -20,6 +20,7 @@ from decmcts.print.cut import CutLines, Grid, cut_job
 from decmcts.print.kinematics import line_up
 from decmcts.print.machine import Machine
 from decmcts.print.motion import level_travel, retraction_time, segment_times, travel_feed
+from decmcts.print.walls_kernels import Walls
 from decmcts.team.cutting.layout import (
     Cuttable,
     Hops,
@@ -221,7 +222,7 @@ def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> l
     contours = problem.job.contours
     places = places_of(contours, layout, spread)
     lines = lines_of(contours, layout, spread, places)
-    parted = _cut(problem, lines, cut) if len(lines.at) else problem
+    parted = _cut(problem, lines, spread.walls, cut) if len(lines.at) else problem
     if len(parted.job.contours) > MOST_PIECES:
         return []
     team = build_team_problem(parted.job, problem.machine, parted.graph)
@@ -262,14 +263,14 @@ def _hops(problem: PrintProblem) -> Hops:
     return Hops(least, rate, 2.0 * math.sqrt(TRAVEL_MM / rate) + retraction_time(settings, limits))
 
 
-def _cut(problem: PrintProblem, lines: CutLines, cut: Cut) -> PrintProblem:
+def _cut(problem: PrintProblem, lines: CutLines, walls: Walls, cut: Cut) -> PrintProblem:
     """Return the problem with its contours cut."""
     job, document, machine, rules = problem.job, problem.document, problem.machine, problem.rules
     longest = min(each.retract_min_travel_mm for each in job.settings.each())
     digits_xy, digits_e, _ = document.decimals
     pieces, row = cut_job(
-        job, lines, hop_mm=0.999 * longest, hop_feed=travel_feed(job.settings, machine.limits),
-        whole=uncut_segments(document),
+        job, lines, walls=walls, hop_mm=0.999 * longest,
+        hop_feed=travel_feed(job.settings, machine.limits), whole=uncut_segments(document),
         grid=Grid(10.0**digits_xy, 10.0**digits_e * (document.e_area or 1.0)),
     )  # fmt: skip
     text = cut_document(document, pieces.contours, row)

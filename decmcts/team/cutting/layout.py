@@ -21,6 +21,8 @@ from decmcts.print.contours import Contours, Role
 from decmcts.print.cut import INFILL, INSIDE_HOP_MM, LEAST_MM, OUTSIDE, CutLines
 from decmcts.print.cut_kernels import SNAP_MM
 from decmcts.print.loops import FLAT_MM
+from decmcts.print.walls import no_walls, outer_walls
+from decmcts.print.walls_kernels import Walls
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
 from decmcts.team.engine.space import contour_boxes
 
@@ -101,6 +103,7 @@ class Cuttable:
     work: Floats  # (layers, bins) s of printing in each `BIN_MM` along the axis from `low_mm` on
     price: Floats  # (layers, bins) s that a cut at the end of each bin costs either side of it
     low_mm: float
+    walls: Walls  # outer ones, that no hop of a piece leads over; none where nothing may be cut
 
 
 def may_be_cut(contours: Contours, cut: str) -> Flags:
@@ -140,7 +143,8 @@ def cuttable(
     hop_s = 2.0 * np.sqrt(_zigzag(contours, hops.least_mm)[rows] / hops.acceleration)
     price = _price(a, b, np.minimum(hop_s, hops.travel_s) / 2.0, layer, shape)
     depth = _depths(contours, pairs)
-    return Cuttable(may, depth, _deepest(contours, depth), work, price, low)
+    walls = outer_walls(contours) if may.any() else no_walls()
+    return Cuttable(may, depth, _deepest(contours, depth), work, price, low, walls)
 
 
 def _work(a: Floats, b: Floats, seconds: Floats, layer: Ints, shape: tuple[int, int]) -> Floats:

@@ -36,6 +36,7 @@ from decmcts.print.cut import OUTSIDE, CutLines, Grid, cut_job, cuts_of, weld_ag
 from decmcts.print.job import PrintJob
 from decmcts.print.motion import segment_times
 from decmcts.print.plan import ActionKind
+from decmcts.print.walls import no_walls
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.dec_mcts import planner
 from decmcts.team.engine.plans import encode_stated
@@ -469,8 +470,9 @@ def test_a_foreign_arc_of_a_cut_print_is_seen(tmp_path: Path) -> None:
     n = len(job.contours)
     lines = CutLines(0, np.tile(places, n), len(places) * np.arange(n + 1, dtype=np.int64))
     cut = cut_job(
-        job, lines, hop_mm=0.0, hop_feed=150.0, whole=uncut_segments(document), grid=Grid()
-    )[0]
+        job, lines, walls=no_walls(), hop_mm=0.0, hop_feed=150.0, whole=uncut_segments(document),
+        grid=Grid(),
+    )[0]  # fmt: skip
     parted = parted_source(cut.contours, job, "all")
     turns = turns_of_print(parted.job, parted.text(document))
     assert len(turns.line) > 2 * n

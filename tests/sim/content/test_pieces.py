@@ -12,6 +12,7 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.cut import CutLines, Grid, cut_job
 from decmcts.print.job import PrintJob
+from decmcts.print.walls import outer_walls
 from sim.content.pieces import parted_source
 from sim.faults import FaultKind
 from tests.prints import slab
@@ -36,7 +37,10 @@ def cut_at(job: PrintJob, places: list[float], hop_mm: float | None = None) -> P
     whole = np.zeros(len(job.contours.points), np.bool_)
     if hop_mm is None:
         hop_mm = 0.999 * job.settings.retract_min_travel_mm
-    return cut_job(job, lines, hop_mm=hop_mm, hop_feed=150.0, whole=whole, grid=Grid())[0]
+    walls = outer_walls(job.contours)
+    return cut_job(
+        job, lines, walls=walls, hop_mm=hop_mm, hop_feed=150.0, whole=whole, grid=Grid()
+    )[0]
 
 
 @pytest.mark.parametrize("seed", range(8))
