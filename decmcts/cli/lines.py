@@ -116,7 +116,9 @@ def _cut_line(after: Metrics) -> list[str]:
     if (cut := after.get("cut")) is None:
         return []
     shows = f"{cut['outside']:,} of them outside" if cut["outside"] else "none of them outside"
+    of = [f"{count:,} in {role.replace('_', ' ')}" for role, count in cut.get("roles", {}).items()]
     cuts = f"{cut['contours']:,} contours are cut at {cut['cuts']:,} places, {shows}"
+    cuts += f" ({', '.join(of)})" if of else ""
     welds = (
         f"{cut['welds']:,} welds, the rest in one go: {weld_time(cut['weld_median_s'])} old in the "
         f"median, {weld_time(cut['weld_most_s'])} at most"

@@ -10,6 +10,8 @@ import typer
 
 from decmcts.errors import InputError
 from decmcts.planning.options import (
+    MOST_STAGGER_MM,
+    STAGGER_MM,
     AvoidWalls,
     Freedom,
     Limits,
@@ -195,6 +197,16 @@ WeldOption = Annotated[
         "rest, its plan's)",
         min=0.0,
         max=MOST_S,
+    ),
+]
+StaggerOption = Annotated[
+    float | None,
+    search(
+        "--stagger-mm MM",
+        f"By which cuts move from layer to layer, so that joints interlock (default: "
+        f"{STAGGER_MM:g}); 0: all above one another",
+        min=0.0,
+        max=MOST_STAGGER_MM,
     ),
 ]
 JsonOption = Annotated[bool, output("--json", "Print the summary as JSON")]

@@ -20,6 +20,9 @@ from decmcts.team.planner import TeamPlanner
 if TYPE_CHECKING:
     from decmcts.print.job import PrintJob
 
+STAGGER_MM = 1.2  # more than two beads of 0.45 mm: ends of one layer touch none of the next
+MOST_STAGGER_MM = 5.0  # farther from where a layer's strips end in step, heads wait for each other
+
 
 class Freedom(StrEnum):
     """Which traversals of a contour a planner may choose."""
@@ -238,6 +241,9 @@ class TeamSearch:
         is printed.
     planner : TeamPlanner | None
         One of your own, which searches in this process; None: Dec-MCTS, a process for each head.
+    stagger_mm : float
+        By which cuts move from layer to layer (one way, not at all, the other way, in turn), at
+        most `MOST_STAGGER_MM`. So joints interlock. With 0 all lie above one another.
 
     Raises
     ------
@@ -258,9 +264,14 @@ class TeamSearch:
     cut: Cut = Cut.INSIDE
     weld_limit_s: float | None = None
     planner: TeamPlanner | None = None
+    stagger_mm: float = STAGGER_MM
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.stagger_mm > MOST_STAGGER_MM:
+            raise InputError(
+                f"stagger_mm is {self.stagger_mm:g}, must be at most {MOST_STAGGER_MM:g}"
+            )
         if self.parameters:
             from decmcts.team.dec_mcts.parameters import Parameters, changed  # loads much
 

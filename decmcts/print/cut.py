@@ -55,18 +55,21 @@ class Grid:
 
 
 def cut_metrics(pieces: Contours) -> CutMetrics:
-    """Return how many contours are cut, at how many places, and at how many of them outside."""
+    """Return how many contours are cut, at how many places, in what, and how many outside."""
     of, hop = pieces.sources, pieces.extrusion == 0.0
     hop[pieces.offsets[:-1]] = False
     stretches = np.add.reduceat(hop.astype(np.int64), pieces.offsets[:-1]) + 1
     first = np.unique(of, return_index=True)[1]
     cuts = np.bincount(of, weights=stretches, minlength=int(of.max(initial=-1)) + 1)
     cuts = cuts[of[first]].astype(np.int64) - 1
-    outside = np.isin(pieces.role[first], OUTSIDE)
+    role = pieces.role[first].astype(np.int64)
+    of_role = np.bincount(role, weights=cuts, minlength=len(Role)).astype(np.int64)
+    most_first = np.argsort(-of_role, kind="stable").tolist()
     return {
         "contours": int((cuts > 0).sum()),
         "cuts": int(cuts.sum()),
-        "outside": int(cuts[outside].sum()),
+        "outside": int(cuts[np.isin(role, OUTSIDE)].sum()),
+        "roles": {Role(r).name.lower(): int(of_role[r]) for r in most_first if of_role[r]},
     }
 
 

@@ -22,6 +22,7 @@ class CutMetrics(TypedDict):
     contours: int  # that were cut
     cuts: int
     outside: int  # cuts in what shows: outer walls and top surfaces
+    roles: NotRequired[Mapping[str, int]]  # cuts by what they are in, the most first
     welds: NotRequired[int]  # cuts whose two ends are not printed in one go
     weld_median_s: NotRequired[float]  # time between the two ends of a weld
     weld_most_s: NotRequired[float]

@@ -7,14 +7,14 @@ is a cut; what passes between the printing of both ends is the weld's age.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from statistics import median
 
 import numpy as np
 
-from decmcts.print.contours import Contours
+from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.content.pieces import OUTSIDE
 from sim.faults import Fault, FaultKind, listed
@@ -89,10 +89,11 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
     contours, ages = document.contours, sorted(a for each in welds.values() for a in each if a)
     of = contours.sources.tolist()
     roles = {c: int(contours.role[bisect_left(of, c)]) for c in welds}
-    due = {
+    due: dict[str, float | dict[str, int]] = {
         "contours": len(welds),
         "cuts": sum(map(len, welds.values())),
         "outside": sum(len(each) for c, each in welds.items() if roles[c] in OUTSIDE),
+        "roles": _by_role(welds, roles),
         "welds": len(ages),
         "weld_median_s": median(ages) if ages else 0.0,
         "weld_most_s": max(ages, default=0.0),
@@ -106,7 +107,18 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
     return listed(FaultKind.WELD, lines)
 
 
-def _alike(stated: object, due: float | None) -> bool:
+def _by_role(welds: dict[int, list[float]], roles: dict[int, int]) -> dict[str, int]:
+    """Return how many cuts are in what, by the name of the role."""
+    found = Counter[str]()
+    for c, ages in welds.items():
+        found[Role(roles[c]).name.lower()] += len(ages)
+    return dict(found)
+
+
+def _alike(stated: object, due: float | dict[str, int] | None) -> bool:
+    """Tell whether a figure is stated as it is due."""
+    if isinstance(due, dict):
+        return isinstance(stated, dict) and stated == due
     if due is None or isinstance(stated, bool) or not isinstance(stated, int | float):
         return False
     return due - TOLERANCE_S <= stated <= due + TOLERANCE_S  # not subtracted: an int may be huge

@@ -37,6 +37,10 @@ from tests.formats.gcode.dialects.test_layers import PRUSA, towers
         (["launch", "a.gcode", "--weld-limit-s", "nan"], "'--weld-limit-s'"),
         (["launch", "a.gcode", "--weld-limit-s", "inf"], "'--weld-limit-s'"),
         (["launch", "a.gcode", "--weld-limit-s", "9", "--cut", "none"], "--weld-limit-s 9"),
+        (["launch", "a.gcode", "--stagger-mm", "-1"], "'--stagger-mm'"),
+        (["launch", "a.gcode", "--stagger-mm", "nan"], "'--stagger-mm'"),
+        (["launch", "a.gcode", "--stagger-mm", "5.1"], "'--stagger-mm'"),
+        (["launch", "a.gcode", "--stagger-mm", "2", "--cut", "none"], "--stagger-mm 2"),
     ],
 )
 def test_a_wrong_command_line_is_one_line(arguments, word, capsys):

@@ -28,6 +28,7 @@ from decmcts.planning.events import Event, Heads, Step
 from decmcts.planning.launch import crew_started
 from decmcts.planning.launch import launch as launch_heads
 from decmcts.planning.options import (
+    STAGGER_MM,
     Cut,
     Freedom,
     Limits,
@@ -109,6 +110,7 @@ def launch(
         ),
     ] = Cut.INSIDE,
     weld_limit_s: opt.WeldOption = None,
+    stagger_mm: opt.StaggerOption = None,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
@@ -131,11 +133,13 @@ def launch(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead,
         without_tower=without_tower,
     )  # fmt: skip
-    if weld_limit_s is not None and cut is Cut.NONE:
-        raise InputError(
-            f"--weld-limit-s {weld_limit_s:g} is of cuts, and --cut none makes none",
-            advice="leave one of them out",
-        )
+    of_cuts = {"--weld-limit-s": weld_limit_s, "--stagger-mm": stagger_mm}
+    for option, given in of_cuts.items():
+        if given is not None and cut is Cut.NONE:
+            raise InputError(
+                f"{option} {given:g} is of cuts, and --cut none makes none",
+                advice="leave one of them out",
+            )
     opt.refuse_layer_alone(picture_layer, picture)
     stem = None if output is None else stem_of(output)
     chosen = with_tools(load_machine(machine), tool or [])
@@ -146,7 +150,10 @@ def launch(
     refuse_stdout(record, "--record")
     only_shown = not (as_json or stem or plan_file or report or picture or record)
     parameters = {} if team is None else read_parameters(team)
-    search = TeamSearch(time_limit, seed, objective, parameters, cut, weld_limit_s)
+    search = TeamSearch(
+        time_limit, seed, objective, parameters, cut, weld_limit_s,
+        stagger_mm=STAGGER_MM if stagger_mm is None else stagger_mm,
+    )  # fmt: skip
     result = run_team(
         source, chosen, search, rules, limits=limits, plate=plate, record=record,
         writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",

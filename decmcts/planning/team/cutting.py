@@ -14,7 +14,7 @@ from decmcts.feasibility.rules import contacts_between
 from decmcts.formats.gcode.writing.parts import cut_document, has_stiff_arc, uncut_segments
 from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Note, Report, Step
-from decmcts.planning.options import Cut, Freedom
+from decmcts.planning.options import STAGGER_MM, Cut, Freedom
 from decmcts.planning.problem.print_problem import PrintProblem, order_graph
 from decmcts.print.cut import CutLines, Grid, cut_job
 from decmcts.print.kinematics import line_up
@@ -69,11 +69,12 @@ class Swept:
 
 
 def best_sweep(
-    problem: PrintProblem, cut: Cut, report: Report, *, kept: NDArray[np.bool_] | None = None
-) -> Swept | None:
+    problem: PrintProblem, cut: Cut, report: Report, *, kept: NDArray[np.bool_] | None = None,
+    stagger_mm: float = STAGGER_MM,
+) -> Swept | None:  # fmt: skip
     """Return the sweep that ends first, with contours cut as far as `cut` allows, or whole.
 
-    Those that are `kept`, (n,), stay whole.
+    Those that are `kept`, (n,), stay whole. Cuts move by `stagger_mm` from layer to layer.
     None where heads cannot sweep: there is one head, or some contour no sweep can hold. Nor are
     prints of more than `MOST_SWEPT` contours swept.
     """
@@ -86,7 +87,7 @@ def best_sweep(
     report(Step(f"sweeps in which heads share parts{first}"))
     job, contours = problem.job, problem.job.contours
     seconds = segment_times(contours, problem.machine.limits, job.acceleration)
-    whole = _swept(problem, seconds, np.zeros(len(contours), np.bool_), Cut.NONE)
+    whole = _swept(problem, seconds, np.zeros(len(contours), np.bool_), Cut.NONE, stagger_mm)
     may = may_be_cut(contours, cut.value)
     if kept is not None:
         may &= ~kept
@@ -94,7 +95,7 @@ def best_sweep(
         may &= ~_kept_whole(problem)
     if not may.any():
         return _better(problem, whole, None)
-    return _better(problem, whole, _swept(problem, seconds, may, cut))
+    return _better(problem, whole, _swept(problem, seconds, may, cut, stagger_mm))
 
 
 def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) -> Swept | None:
@@ -126,14 +127,16 @@ def _reached(found: Swept) -> float:
 
 
 def _swept(
-    problem: PrintProblem, seconds: NDArray[np.float64], may: NDArray[np.bool_], cut: Cut
-) -> Swept | None:
+    problem: PrintProblem, seconds: NDArray[np.float64], may: NDArray[np.bool_], cut: Cut,
+    stagger_mm: float,
+) -> Swept | None:  # fmt: skip
     """Return a sweep with those contours cut that `may` be; `seconds` are those of segments.
 
     Several layouts are tried, and of each layer the one is taken in which it took least.
     """
     contours, (axis, _) = problem.job.contours, line_up(problem.machine)
-    spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
+    pairs, hops = problem.graph.pairs(), _hops(problem)
+    spread = cuttable(contours, seconds, pairs, may, axis, hops, stagger_mm)
     whole_s = np.add.reduceat(seconds, contours.offsets[:-1])
     tried = _tried_deeper(problem, cut, spread, whole_s)
     if not tried:

@@ -154,14 +154,17 @@ def swept(ready: Prepared, search: TeamSearch, report: Report) -> Prepared:
     """
     if search.weld_limit_s is not None:
         return within_limit(ready, search, search.weld_limit_s, report)
-    return cut_for(ready, best_sweep(ready.problem, search.cut, report))
+    return cut_for(
+        ready, best_sweep(ready.problem, search.cut, report, stagger_mm=search.stagger_mm)
+    )
 
 
 def within_limit(ready: Prepared, search: TeamSearch, limit_s: float, report: Report) -> Prepared:
     """Return what agents plan, with no contour cut whose weld the sweep would print too late."""
     problem, kept = ready.problem, np.zeros(len(ready.problem.job.contours), np.bool_)
+    sweep = partial(best_sweep, problem, report=report, stagger_mm=search.stagger_mm)
     for _ in range(WELD_ROUNDS):
-        cut = cut_for(ready, best_sweep(problem, search.cut, report, kept=kept))
+        cut = cut_for(ready, sweep(search.cut, kept=kept))
         if (late := _late_in(cut, limit_s)) is None:
             break
         if not late.any():
@@ -169,7 +172,7 @@ def within_limit(ready: Prepared, search: TeamSearch, limit_s: float, report: Re
             break
         kept |= late
     else:
-        cut, kept[:] = cut_for(ready, best_sweep(problem, Cut.NONE, report)), True
+        cut, kept[:] = cut_for(ready, sweep(Cut.NONE)), True
     if kept.any():
         stays = len(kept) if cut.whole is None else int(kept.sum())
         report(Note(f"{stays} contours stay whole: their welds would be older than {limit_s:g} s"))

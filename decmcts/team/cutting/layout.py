@@ -35,7 +35,6 @@ DEPTHS = 5  # of contours that touch one another on a layer; deeper ones count a
 DEPTH_MM = 0.6  # between the places where contours of neighbouring depths are cut
 LOOSE_MM = 2.0 * (LEAST_MM + SNAP_MM)  # by which cuts of both heads may miss their lines
 OVER_MM = 6.0  # a contour that reaches no farther beyond its strip stays whole
-STAGGER_MM = 1.2  # by which cuts move from layer to layer, in turn one way, not, the other way
 SAMPLE_MM = 0.5  # along the axis, to find how printing time is spread
 
 NEVER = (
@@ -103,6 +102,7 @@ class Cuttable:
     work: Floats  # (layers, bins) s of printing in each `BIN_MM` along the axis from `low_mm` on
     price: Floats  # (layers, bins) s that a cut at the end of each bin costs either side of it
     low_mm: float
+    stagger_mm: float  # by which cuts move from layer to layer: one way, not at all, the other way
     walls: Walls  # outer ones, that no hop of a piece leads over; none where nothing may be cut
 
 
@@ -115,7 +115,7 @@ def may_be_cut(contours: Contours, cut: str) -> Flags:
 
 def cuttable(
     contours: Contours, seconds: Floats, pairs: NDArray[np.int32], may: Flags, axis: int,
-    hops: Hops,
+    hops: Hops, stagger_mm: float,
 ) -> Cuttable:  # fmt: skip
     """Return how what may be cut is spread; where nothing may be, how all is.
 
@@ -144,7 +144,7 @@ def cuttable(
     price = _price(a, b, np.minimum(hop_s, hops.travel_s) / 2.0, layer, shape)
     depth = _depths(contours, pairs)
     walls = outer_walls(contours) if may.any() else no_walls()
-    return Cuttable(may, depth, _deepest(contours, depth), work, price, low, walls)
+    return Cuttable(may, depth, _deepest(contours, depth), work, price, low, stagger_mm, walls)
 
 
 def _work(a: Floats, b: Floats, seconds: Floats, layer: Ints, shape: tuple[int, int]) -> Floats:
@@ -232,7 +232,8 @@ def layout_of(spread: Cuttable, *, axis: int, heads: int, apart_mm: float) -> La
         strips, m = tried[best], STEPS[best]
         steps[layer] = m
         edges = np.concatenate([strips.begin, strips.end[:, -1:]], axis=1).reshape(-1)[1:-1]
-        lines[layer, :, : len(edges)] = _by_depth(edges, m, bool(forward[layer]), layer, deepest)
+        moved = edges + spread.stagger_mm * (layer % 3 - 1)
+        lines[layer, :, : len(edges)] = _by_depth(moved, m, bool(forward[layer]), deepest)
         _windows(strips, apart[best], low[layer], high[layer])
     return Layout(axis, heads, steps, forward, lines, low, high)
 
@@ -264,7 +265,7 @@ def _apart(apart_mm: float, m: int, forward: bool, deepest: int) -> Floats:
     return apart_mm + LOOSE_MM + deep * deepest * DEPTH_MM
 
 
-def _by_depth(edges: Floats, m: int, forward: bool, layer: int, deepest: int) -> Floats:
+def _by_depth(edges: Floats, m: int, forward: bool, deepest: int) -> Floats:
     """Return where contours of each depth are cut, (depths, lines).
 
     The shallow ones, printed first, reach into the side that is printed later. That is the side
@@ -274,7 +275,7 @@ def _by_depth(edges: Floats, m: int, forward: bool, layer: int, deepest: int) ->
     foreign = np.arange(len(edges)) % (m + 1) == (m if forward else m - 1)
     towards[foreign] *= -1.0
     reach = DEPTH_MM * np.maximum(0, deepest - np.arange(DEPTHS + 1))[:, None] * towards
-    moved = edges + reach + STAGGER_MM * (layer % 3 - 1)
+    moved = edges + reach
     for line in np.flatnonzero(foreign):  # no middle is left, or none to speak of
         other = line - 1 if forward else line + 1
         clamp = np.minimum if forward else np.maximum

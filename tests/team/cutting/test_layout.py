@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from decmcts.planning.problem.print_problem import load
+from decmcts.print.contours import Contours
 from decmcts.print.motion import segment_times
 from decmcts.team.cutting.layout import (
+    Cuttable,
     Hops,
     cuttable,
     deeper,
@@ -20,15 +23,36 @@ from decmcts.team.cutting.layout import (
 from tests.prints import slab
 
 
-def test_each_layer_is_as_in_the_layout_chosen_for_it(tmp_path: Path) -> None:
-    """Steps, lines, windows and depths of one layer belong together."""
-    problem = load(slab(tmp_path / "slab.gcode"), "dual-gantry")
+def spread_of(path: Path, stagger_mm: float = 1.2) -> tuple[Contours, Cuttable]:
+    """Return the contours of a slab, and how they are spread."""
+    problem = load(slab(path / "slab.gcode"), "dual-gantry")
     contours = problem.job.contours
     seconds = segment_times(contours, problem.machine.limits, problem.job.acceleration)
     spread = cuttable(
         contours, seconds, problem.graph.pairs(), may_be_cut(contours, "all"), 0,
-        Hops(2.0, 0.04, 0.2),
+        Hops(2.0, 0.04, 0.2), stagger_mm,
     )  # fmt: skip
+    return contours, spread
+
+
+@pytest.mark.parametrize("stagger_mm", [1.2, 3.0])
+def test_cuts_move_from_layer_to_layer(tmp_path: Path, stagger_mm: float) -> None:
+    """One way, not at all, the other way, in turn; without it all lie above one another."""
+    above, moved = (
+        layout_of(spread_of(tmp_path, mm)[1], axis=0, heads=2, apart_mm=70.0)
+        for mm in (0.0, stagger_mm)
+    )
+    for layer in range(4):
+        lines = above.lines[layer]
+        known = np.isfinite(lines)
+        by = moved.lines[layer][known] - lines[known]
+        assert known.any()
+        assert by == pytest.approx(stagger_mm * (layer % 3 - 1))
+
+
+def test_each_layer_is_as_in_the_layout_chosen_for_it(tmp_path: Path) -> None:
+    """Steps, lines, windows and depths of one layer belong together."""
+    contours, spread = spread_of(tmp_path)
     spreads = [spread, deeper(spread, contours, np.ones(len(contours), np.bool_))]
     layouts = [
         layout_of(each, axis=0, heads=2, apart_mm=apart)
