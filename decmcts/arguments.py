@@ -61,7 +61,7 @@ def _held(name: str, value: Any, hint: Any) -> Any:
 
 def _fits(value: Any, hint: Any, least: float = 0.0) -> bool:
     """Tell whether a value is what a type says; a number must be at least `least`."""
-    kind, parts = get_origin(hint), get_args(hint)
+    kind, parts = _origin(hint), get_args(hint)
     if len(choices := _choices(hint)) > 1:
         return any(_fits(value, one, least) for one in choices)
     if hint in (int, float):
@@ -96,6 +96,16 @@ def _is_numbers(value: Any) -> bool:
         return False
 
 
+def _origin(hint: Any) -> Any:
+    """Return the class that a hint gives parameters to, or None: also of an alias.
+
+    numpy 2.5 states `NDArray` as an alias of `ndarray` where Python knows such (3.12).
+    """
+    kind = get_origin(hint)
+    stands_for = getattr(kind, "__value__", None)
+    return kind if stands_for is None else get_origin(stands_for)
+
+
 def _choices(hint: Any) -> tuple[Any, ...]:
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
@@ -104,7 +114,7 @@ def _words(hint: Any) -> str:
     """Return in words what may be given."""
     if len(choices := _choices(hint)) > 1:
         return " or ".join(map(_words, choices))
-    kind = get_origin(hint)
+    kind = _origin(hint)
     if kind is np.ndarray:
         return "an array of numbers"
     if kind is not None and not issubclass(kind, Collection):

@@ -5,12 +5,17 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from types import GenericAlias
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import decmcts
+from decmcts.arguments import check_fields
+from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import QcspProblem
 
 OPTIONS = ("Held", "Rules", "Search", "SliceOptions", "Slicing", "TeamSearch")
@@ -84,3 +89,30 @@ def test_names_of_nothing_are_refused(call: Callable[[], object]) -> None:
     """Right types, wrong values."""
     with pytest.raises(decmcts.InputError):
         call()
+
+
+class Alias:
+    """What `type Alias[T] = ndarray[...]` makes, as Python knows it from 3.12 on."""
+
+    __value__ = np.ndarray[tuple[Any, ...], np.dtype[Any]]
+    __class_getitem__ = classmethod(GenericAlias)
+
+
+STATED: dict[str, Any] = {"a class": NDArray[np.float64], "an alias": Alias[np.float64]}
+
+
+@pytest.mark.parametrize("hint", list(STATED.values()), ids=list(STATED))
+def test_arrays_are_known_as_such_however_numpy_states_them(hint: Any) -> None:
+    """numpy 2.5 states them as an alias, on which every plan had ended with an internal error."""
+
+    @dataclass(frozen=True)
+    class Option:
+        rows: object
+
+        def __post_init__(self) -> None:
+            check_fields(self)
+
+    Option.__annotations__["rows"] = hint
+    assert np.array_equal(Option([1.0, 2.0]).rows, [1.0, 2.0])
+    with pytest.raises(InputError, match="rows is 'abc', must be an array of numbers"):
+        Option("abc")

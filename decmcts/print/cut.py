@@ -60,8 +60,8 @@ def cut_metrics(pieces: Contours) -> CutMetrics:
     hop[pieces.offsets[:-1]] = False
     stretches = np.add.reduceat(hop.astype(np.int64), pieces.offsets[:-1]) + 1
     first = np.unique(of, return_index=True)[1]
-    cuts = np.bincount(of, weights=stretches, minlength=int(of.max(initial=-1)) + 1)
-    cuts = cuts[of[first]].astype(np.int64) - 1
+    of_source = np.bincount(of, weights=stretches, minlength=int(of.max(initial=-1)) + 1)
+    cuts = of_source[of[first]].astype(np.int64) - 1
     role = pieces.role[first].astype(np.int64)
     of_role = np.bincount(role, weights=cuts, minlength=len(Role)).astype(np.int64)
     most_first = np.argsort(-of_role, kind="stable").tolist()

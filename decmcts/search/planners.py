@@ -140,7 +140,7 @@ def toolpath_cost(problem: OrderProblem, toolpath: Toolpath) -> float:
     if seams is not None:
         entry = np.zeros(n, np.int64)
         entry[order] = toolpath.entry
-        most = 1 + int(max(seams.vertices.max(initial=0), entry.max(initial=0)))
+        most = 1 + max(int(seams.vertices.max(initial=0)), int(entry.max(initial=0)))
         possible = seams.owner.astype(np.int64) * most + seams.vertices
         wanted = np.arange(n) * most + entry
         place = np.searchsorted(possible, wanted)

@@ -130,7 +130,7 @@ def _draw_elevation(axis: Any, head: Head) -> None:
     reach = 5.0
     for k, piece in enumerate(head.slices):
         for polygon in piece.polygons:
-            low, high = polygon[:, 0].min(), polygon[:, 0].max()
+            low, high = float(polygon[:, 0].min()), float(polygon[:, 0].max())
             reach = max(reach, -low, high)
             corner, size = (low, piece.height_mm), (high - low, 2 * top)
             axis.add_patch(Rectangle(corner, *size, fc=_shade(k), ec="black", lw=0.8))

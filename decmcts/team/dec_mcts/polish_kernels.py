@@ -414,7 +414,7 @@ def polish(
         count = batch_of(n, left)
         left -= count
         drawn = draw_windows(count, n, SHORTEST, LONGEST, annealing.shortest, state)
-        first = drawn[:, 0].min()
+        first = int(drawn[:, 0].min())
         kept, allowed, there = copy_window(first, n, joint), 0.0, True
         for k in range(count):
             if there:

@@ -108,7 +108,7 @@ def _counts_relative(lines: Lines) -> bool:
 
 
 def _decimals(lines: Lines) -> tuple[int, int, int]:
-    xy = int(max(lines.decimals[: scan.E].max(), 3))
+    xy = max(int(lines.decimals[: scan.E].max()), 3)
     e = int(np.clip(lines.decimals[scan.E], 5, 8))
     return min(xy, MOST_DECIMALS), e, min(int(lines.decimals[scan.F]), MOST_DECIMALS)
 
