@@ -38,7 +38,7 @@ from tests.mutants.cut_rows import (
 Rng = np.random.Generator
 NEVER = ("overhang_perimeter", "bridge_infill", "ironing", "skirt_brim", "gap_fill")
 OUTSIDE = ("external_perimeter", "top_solid_infill")
-INSIDE = ("perimeter", "infill", "solid_infill", "gap_fill", "support", "support_interface")
+INSIDE = ("perimeter", "infill", "solid_infill", "support", "support_interface")
 AGAIN_S = 60.0  # enough for any piece to be printed once more
 
 

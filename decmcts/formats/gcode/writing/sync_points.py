@@ -37,7 +37,7 @@ class SyncPoints:
     signals: Mapping[Action, int]  # number, given after it ends,
     at_rest: frozenset[Action]  # for which the head stands still: behind the others it goes on
     passed: Mapping[Action, Mapping[int, int]]  # vertex of its path -> number, given in motion
-    waits: Mapping[Action, tuple[int, ...]]  # numbers, ascending
+    waits: Mapping[Action, tuple[int, ...]]  # numbers, ascending; each once in a file
     lags: Mapping[Action, float]  # seconds to dwell after these; 0 is left out
     done: tuple[int, ...]  # (heads,) given when a head has nothing left to print and is parked
     ended: tuple[int, ...]  # (heads,) given when a head's end code has run
@@ -75,10 +75,12 @@ def number_sync_points(
         {(h, a): number for (h, a, point), number in numbers.items() if point == ACTION_END},
         frozenset(signals.at_rest(plan, release)),
         passed,
-        {
-            at: tuple(sorted({numbers[signals.at[place_of(plan, edge)]] for edge in edges}))
-            for at, edges in waited.items()
-        },
+        _waited_once(
+            {
+                at: {numbers[signals.at[place_of(plan, edge)]] for edge in edges}
+                for at, edges in waited.items()
+            }
+        ),
         {
             at: lag
             for at, edges in waited.items()
@@ -89,6 +91,17 @@ def number_sync_points(
         signals.apart,
         _counted(len(plan.heads), numbers, done, ended),
     )
+
+
+def _waited_once(waits: Mapping[Action, set[int]]) -> dict[Action, tuple[int, ...]]:
+    """Return what each action waits for that no earlier action of its head has waited for."""
+    found, made = dict[Action, tuple[int, ...]](), dict[int, set[int]]()
+    for (head, action), numbers in sorted(waits.items()):
+        known = made.setdefault(head, set())
+        if numbers - known:
+            found[head, action] = tuple(sorted(numbers - known))
+        known |= numbers
+    return found
 
 
 def _counted(

@@ -111,6 +111,17 @@ def test_order_across_heads(plan):
     )
 
 
+def test_what_has_come_is_waited_for_once(plan):
+    """The right head's travel waits for the left one's print, and so does the print behind it."""
+    job, document, (left, right) = plan[0], plan[1], plan[2].heads
+    twice = head_of(job, "right", [3, 2], PARKS[1], {0: [(0, 1)], 1: [(0, 1)]})
+    one, two = (
+        [x for x in files((job, document, JointPlan((left, head))))[1] if "WAIT" in x]
+        for head in (right, twice)
+    )
+    assert one == two and len(set(two)) == len(two)
+
+
 def test_each_head_prints_its_own_and_parks(plan):
     """Together every contour once; at the end each head is out of the way."""
     for h, text in enumerate(files(plan)):
