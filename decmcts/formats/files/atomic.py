@@ -7,6 +7,7 @@ devices and pipes are refused: putting a file in their place would destroy them.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import shutil
 import tempfile
@@ -107,7 +108,9 @@ class _Staged:
 
 
 def _staged(path: Path | str) -> _Staged:
-    target = Path(path).resolve()
+    target = Path(path).resolve()  # of links in a circle RuntimeError, from Python 3.13 on a link
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     refuse_special(target)
     begin = target.name.encode("utf-8", "replace")[:BEGIN_BYTES].decode("utf-8", "ignore")
     handle, draft = tempfile.mkstemp(prefix=f".{begin}.", dir=target.parent)
