@@ -20,6 +20,8 @@ from decmcts.team.planner import TeamPlanner
 if TYPE_CHECKING:
     from decmcts.print.job import PrintJob
 
+MOST_LAYERS = 2**31 - 1  # by which a part may run ahead of the rest; plan.json holds no more
+
 
 class Freedom(StrEnum):
     """Which traversals of a contour a planner may choose."""
@@ -86,6 +88,15 @@ class ProcessOrder(StrEnum):
     FREE = "free"
 
 
+def refuse_too_many_ahead(layers: int | None) -> None:
+    """Raise InputError for a limit on the lead that no plan.json can hold; None: no limit."""
+    if layers is not None and layers > MOST_LAYERS:
+        raise InputError(
+            f"max_layers_ahead is {layers}, must be at most {MOST_LAYERS}",
+            advice="leave it out: then there is no limit",
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Rules:
     """What is asked of every order besides safety.
@@ -116,8 +127,8 @@ class Rules:
     Raises
     ------
     InputError
-        For a limit below zero, a name that is none, or a seam policy without the freedom it
-        needs.
+        For a limit below zero, one on layers beyond what plan.json holds, a name that is none, or
+        a seam policy without the freedom it needs.
 
     Examples
     --------
@@ -141,6 +152,7 @@ class Rules:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        refuse_too_many_ahead(self.max_layers_ahead)
         if self.seam != Seam.NEAREST and self.freedom != Freedom.SEAM:
             raise InputError(f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}")
 
