@@ -95,13 +95,14 @@ def _run(key: Key) -> Row:
         clock=time.process_time,
     )  # fmt: skip
     clusters = cluster_contours(problem.graph, threshold=float(key["gamma"] or 0.5))
+    least = found.cost / found.source_cost if found.source_cost else 1.0  # 0: one contour
     history = found.history[np.linspace(0, len(found.history) - 1, CURVE).round().astype(int)]
     return {
         "contours": len(problem),
         "clusters": int(clusters.max(initial=-1)) + 1,
         "sliced_mm": round(found.source_cost, 1),
         "travel_mm": round(found.cost, 1),
-        "less_percent": round(100.0 * (1.0 - found.cost / found.source_cost), 2),
+        "less_percent": round(100.0 * (1.0 - least), 2),
         "tried": found.iterations,
         "improved_s": round(float(found.history[-1, 0]), 3),
         "curve": _curve(history, timed=not key["iterations"]),

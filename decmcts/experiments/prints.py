@@ -47,8 +47,15 @@ def is_own(key: Key) -> bool:
 
 
 def shown(name: str) -> str:
-    """Return a print's name for tables: of one's own file without suffix."""
-    return name.split(".")[0]
+    """Return a print's name for tables: of one's own file without suffix.
+
+    Examples
+    --------
+    >>> shown("bracket-v1.2.gcode.gz"), shown("row-4-20-30")
+    ('bracket-v1.2', 'row-4-20-30')
+    """
+    end = next((end for end in SUFFIXES if name.lower().endswith(end)), "")
+    return name[: len(name) - len(end)]
 
 
 def own_prints(folder: Path) -> tuple[str, ...]:

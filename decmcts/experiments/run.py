@@ -173,7 +173,7 @@ def _make(
 ) -> None:  # fmt: skip
     """Make runs and keep their rows as they come."""
     report(Step(f"{chosen.name}: the first of {len(missing)} runs", 1, len(missing)))
-    with _processes(jobs) if executor is None else nullcontext(executor) as by:
+    with _processes(min(jobs, len(missing))) if executor is None else nullcontext(executor) as by:
         futures = [by.submit(compute, chosen.name, key) for key in missing]
         try:
             for done, future in enumerate(as_completed(futures), 1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from itertools import product
 
@@ -21,6 +22,7 @@ from decmcts.print.machine import Machine
 BED_MM = 600.0  # for prints made by code, so that they may be far apart
 COUNTS, SIZES_MM, GAPS_MM = (1, 2, 4), (15, 50, 120), (5, 40, 100)
 FULL = (1, 2, 3, 4, 6), (10, 20, 40, 80, 160), (5, 15, 30, 60, 100)
+_ROW = re.compile(r"row-(?P<count>\d+)-(?P<size>\d+)-(?P<gap>\d+)")
 
 
 def _runs(asked: Asked) -> Iterator[Key]:
@@ -87,8 +89,8 @@ def _draw(rows: Sequence[Line]) -> Figure:
 
 def _of_row(name: str) -> Line:
     """Return number, size and distance of the parts of a row; nothing for other prints."""
-    words = name.split("-") if name.startswith("row-") else ["", "", "", ""]
-    return dict(zip(("count", "size", "gap"), words[1:], strict=True))
+    of_row = _ROW.fullmatch(name)
+    return of_row.groupdict() if of_row else {"count": "", "size": "", "gap": ""}
 
 
 TWO_HEADS = Experiment(

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 STAGGER_MM = 1.2  # more than two beads of 0.45 mm: ends of one layer touch none of the next
 MOST_STAGGER_MM = 5.0  # farther from where a layer's strips end in step, heads wait for each other
+MOST_LAYERS = 2**31 - 1  # by which a part may run ahead of the rest; plan.json holds no more
 
 
 class Freedom(StrEnum):
@@ -89,6 +90,15 @@ class ProcessOrder(StrEnum):
     FREE = "free"
 
 
+def refuse_too_many_ahead(layers: int | None) -> None:
+    """Raise InputError for a limit on the lead that no plan.json can hold; None: no limit."""
+    if layers is not None and layers > MOST_LAYERS:
+        raise InputError(
+            f"max_layers_ahead is {layers}, must be at most {MOST_LAYERS}",
+            advice="leave it out: then there is no limit",
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Rules:
     """What is asked of every order besides safety.
@@ -119,8 +129,8 @@ class Rules:
     Raises
     ------
     InputError
-        For a limit below zero, a name that is none, or a seam policy without the freedom it
-        needs.
+        For a limit below zero, one on layers beyond what plan.json holds, a name that is none, or
+        a seam policy without the freedom it needs.
 
     Examples
     --------
@@ -144,6 +154,7 @@ class Rules:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        refuse_too_many_ahead(self.max_layers_ahead)
         if self.seam != Seam.NEAREST and self.freedom != Freedom.SEAM:
             raise InputError(f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}")
 

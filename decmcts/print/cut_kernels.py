@@ -97,10 +97,13 @@ def cut_at_lines(
 def _crossed(
     points: NDArray[np.float64], p: int, axis: int, lines: NDArray[np.float64], i: int, j: int
 ) -> tuple[int, int]:
-    """Which of the lines i..j - 1 the segment that begins at point p crosses."""
+    """Which of the lines i..j - 1 the segment that begins at point p crosses.
+
+    Of a line through a vertex, the segment whose lower end that is.
+    """
     a, b = points[p, axis], points[p + 1, axis]
     low, high = min(a, b), max(a, b)
-    while i < j and lines[i] <= low:
+    while i < j and lines[i] < low:
         i += 1
     while i < j and lines[j - 1] >= high:
         j -= 1

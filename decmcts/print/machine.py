@@ -67,7 +67,7 @@ class MotionLimits:
         return MotionLimits(math.nan, four, four, four, *(math.nan,) * 4)
 
     def under(self, stated: MotionLimits) -> MotionLimits:
-        """Return these limits with what `said` says (where it is not NaN) in their place."""
+        """Return these limits with what `stated` says (where it is not NaN) in their place."""
         both = {f.name: (getattr(self, f.name), getattr(stated, f.name)) for f in fields(self)}
         return MotionLimits(**{name: _stated_or(*pair) for name, pair in both.items()})
 

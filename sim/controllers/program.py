@@ -105,7 +105,7 @@ class HeadProgram:
     def moves_of_actions(self) -> tuple[Ints, Ints]:
         """Return the first and the last move of each action that has any."""
         firsts = np.flatnonzero(np.diff(self.action, prepend=-1) != 0)
-        return firsts, np.append(firsts[1:], len(self.action)) - 1
+        return firsts, np.append(firsts, len(self.action))[1:] - 1
 
 
 def place_of(point: Floats) -> Point:

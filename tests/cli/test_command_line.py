@@ -296,3 +296,9 @@ def test_post_is_named_where_it_could_edit_the_input(tmp_path: Path, capsys):
     assert "use `decmcts post` to edit in place" in capsys.readouterr().err
     assert run(["launch", str(source), "--plan", str(source)]) == 2
     assert "decmcts post" not in capsys.readouterr().err
+
+
+def test_a_picture_of_machines_needs_to_know_which(tmp_path: Path, capsys):
+    """It said that there is no such folder, and to make it."""
+    assert run(["machines", "--draw", str(tmp_path / "all.png")]) == 2
+    assert "a picture is of one machine; add --machine NAME" in capsys.readouterr().err

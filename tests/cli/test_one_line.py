@@ -23,7 +23,10 @@ WRONG = [
     "post", "post no.gcode", "post half.stl", "post - --machine paper", "post folder",
     "verify", "verify no.json", "verify bad.json", "verify deep.json", "verify a.gcode",
     "verify a.gcode --source half.stl", "verify a.gcode --source a.gcode --trials 0",
-    "machines --draw no", "machines --machine no", "machines more",
+    "machines --draw no", "machines --machine no", "machines more", "machines --draw one.png",
+    "machines --machine=", f"verify a.gcode --source a.gcode --trials {10**9}",
+    f"plan a.gcode --machine mk4s --max-layers-ahead {2**31}",
+    f"verify bad.json --max-layers-ahead {2**31}",
     "launch", "launch no.gcode", "launch a.gcode -o .", "launch a.gcode -o -",
     "launch a.gcode --planner mcts", "demo --out a.gcode", "demo --time-limit x", "plann", "--no",
 ]  # fmt: skip

@@ -15,9 +15,11 @@ from decmcts.errors import InputError
 from decmcts.experiments.catalogue import EXPERIMENTS, compute
 from decmcts.experiments.cluster import cluster_at
 from decmcts.experiments.kinds import Asked
+from decmcts.experiments.prints import shown
 from decmcts.experiments.rows import Rows
 from decmcts.version import __version__
 from sim.experiments.made_print import made_gcode
+from tests.cli.test_bad_input import SQUARE, gcode
 
 MEASURED = ("cpu_s", "thought_s", "improved_s")  # what a clock says
 
@@ -168,3 +170,46 @@ def test_processes_end_with_a_call_that_fails(own: Path, tmp_path: Path) -> None
     with pytest.raises(KeyboardInterrupt):
         experiment("two-heads", tmp_path, prints=own, iterations=1, jobs=1, report=stops)
     assert not multiprocessing.active_children()
+
+
+@pytest.mark.slow
+def test_a_print_of_one_contour_is_a_row_like_others(tmp_path: Path) -> None:
+    """No travel is no error: each was an internal one that ended the whole experiment."""
+    (tmp_path / "one.gcode").write_text(gcode(SQUARE))
+    least = {"print": "one.gcode", "folder": str(tmp_path), "seconds": 0.0, "iterations": 1,
+             "seed": 0, "version": __version__}  # fmt: skip
+    paper = {"method": "local", "exploration": "", "gamma": "", "nearest": ""}
+    row = compute("paper", {**least, **paper})
+    assert not row["error"] and row["less_percent"] == 0.0
+    printing = {"heads": 2, "phase": "printing", "loss": 0.0, "delay_s": 0.0, "fails": "stopped"}
+    row = compute("loss-and-failure", {**least, **printing, "moment": 0.5})
+    assert not row["error"] and row["contours"] == 1
+
+
+@pytest.mark.parametrize("name", ["row-of-parts.gcode", "row-1.gcode", "row-1-2-3.gcode", "x.y"])
+def test_one_s_own_print_may_be_called_like_a_row(name: str) -> None:
+    """Where all runs were done, no table and no figure came of them."""
+    values = {"cut": "none", "waits": "0.1", "idle": "0.2", "speedup": "1.5", "error": ""}
+    EXPERIMENTS["two-heads"].draw([{"print": name, **values}]).draw_without_rendering()
+
+
+def test_names_of_prints_keep_their_dots() -> None:
+    """`v1.2` and `v1.3` were one print in tables and figures."""
+    names = ["v1.2.gcode", "v1.3.GCODE.gz", "a.b.gcode.3mf", "row-4-20-30", "plain"]
+    assert list(map(shown, names)) == ["v1.2", "v1.3", "a.b", "row-4-20-30", "plain"]
+
+
+def test_no_more_processes_than_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of very many the operating system made none, and that was an internal error."""
+    started = []
+
+    def processes(jobs: int) -> ThreadPoolExecutor:
+        started.append(jobs)
+        return ThreadPoolExecutor(1)
+
+    (tmp_path / "none").mkdir()
+    (tmp_path / "none" / "a.gcode").write_text("")
+    monkeypatch.setattr("decmcts.experiments.run._processes", processes)
+    monkeypatch.setattr("decmcts.experiments.run._compile", lambda *_: None)
+    experiment("two-heads", tmp_path, prints=tmp_path / "none", iterations=1, seeds=1, jobs=10**12)
+    assert started == [2]

@@ -27,11 +27,15 @@ def machines(
     as_json: opt.JsonOption = False,
 ) -> None:
     """List the machines; with --draw, draw their heads, and several as near as they may be."""
-    is_file = machine is not None and draw is not None and draw.suffix.lower() in (".png", ".svg")
+    is_file = draw is not None and draw.suffix.lower() in (".png", ".svg") and not draw.is_dir()
+    if is_file and machine is None:
+        raise InputError(
+            "a picture is of one machine", path=draw, advice="add --machine NAME, or name a folder"
+        )
     folder = draw.parent if draw is not None and is_file else draw
     if folder is not None and not folder.is_dir():
         raise InputError("no such folder", path=folder, advice="make it first")
-    listed = [load_machine(name) for name in ([machine] if machine else preset_names())]
+    listed = [load_machine(name) for name in (preset_names() if machine is None else [machine])]
     for m in listed if draw is not None else []:
         from sim.pictures.machine_picture import draw_machine  # takes a second to load
 

@@ -49,14 +49,15 @@ def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
     for name in names:
         table.add_column(name, justify="left" if name in ("head", "phase") else "right")
     for a in agents:
+        has_best = math.isfinite(a.best_makespan_s)  # else it knows no joint plan yet
         sent, received = sum(a.sent_bytes.values()), sum(a.received_bytes.values())
         table.add_row(
             a.name,
             a.phase,
             f"{a.elapsed_s:.0f}",
             str(a.rounds),
-            clock_time(a.best_makespan_s) if math.isfinite(a.best_makespan_s) else "",
-            f"{a.best_makespan_s / bound_s:.3f}" if bound_s > 0.0 else "",
+            clock_time(a.best_makespan_s) if has_best else "",
+            f"{a.best_makespan_s / bound_s:.3f}" if bound_s > 0.0 and has_best else "",
             f"{a.entropy:.2f}",
             str(sum(a.sent.values())),
             f"{sent / 1024:,.0f}",

@@ -45,7 +45,7 @@ def verify(
     without_tower: opt.TowerOption = False,
     seed: opt.TimingSeedOption = 0,
     trials: Annotated[
-        int, opt.search("--trials N", "Random timing trials of a joint plan", min=1)
+        int, opt.search("--trials N", "Random timing trials of a joint plan", min=1, max=100_000)
     ] = 3,
     as_json: opt.JsonOption = False,
     verbose: Annotated[

@@ -40,7 +40,7 @@ def machine_from_geometries(path: Path, name: str, *, like: Machine | None = Non
     name : str
         A printer model, e.g. ``MK4S``; any case.
     like : Machine | None
-        Where bed and limits come from; the file has none.
+        Where bed and limits come from, if it has one head; the file has none.
 
     Raises
     ------
@@ -55,11 +55,11 @@ def machine_from_geometries(path: Path, name: str, *, like: Machine | None = Non
         "heads": [{"name": "head", "slices": _slices(entry)}],
     }
     machine = machine_from_dict(described, path=path)
-    if like is None:
+    if like is None or len(like.heads) > 1:
         return machine
-    heads = tuple(replace(h, park=k.park) for h, k in zip(machine.heads, like.heads, strict=True))
+    head = replace(machine.heads[0], park=like.heads[0].park)
     return replace(
-        machine, bed_min=like.bed_min, bed_max=like.bed_max, limits=like.limits, heads=heads
+        machine, bed_min=like.bed_min, bed_max=like.bed_max, limits=like.limits, heads=(head,)
     )
 
 

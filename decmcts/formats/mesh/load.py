@@ -12,6 +12,7 @@ import io
 import re
 import struct
 import zipfile
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -192,7 +193,7 @@ def read_text_stl(content: bytes, path: Path) -> trimesh.Trimesh:
             advice=_AGAIN,
         )  # fmt: skip
     try:
-        points = np.array(corners, dtype="S32").astype(np.float64).reshape(-1, 3)
+        points = np.array(list(map(float, chain.from_iterable(corners)))).reshape(-1, 3)
     except ValueError:
         raise InputError(
             "a coordinate is no number", path=path, line=_line_of_bad(content), advice=_AGAIN

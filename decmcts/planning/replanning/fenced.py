@@ -36,7 +36,8 @@ def fenced_places(
     Raises
     ------
     InputError
-        For heads the machine has not, places that are none, and where no place is known.
+        For heads the machine has not, or named twice, places that are none, and where no place is
+        known.
     """
     machine, last = document.machine, dict[str, Stands]()
     if seen:
@@ -46,8 +47,10 @@ def fenced_places(
             for head, actions in zip(state.heads, document.plan.heads, strict=True)
         }
     places = {name: last[name] for name in state.failed}
+    named = set[str]()
     for text in stated:
         name, place = stated_place(text, machine)
+        _refuse_twice("--fenced", text, name, named)
         if place is not None:
             places[name] = place
         elif name in last:
@@ -86,12 +89,13 @@ def late_heads(stated: Sequence[str], machine: Machine) -> dict[str, float]:
     Raises
     ------
     InputError
-        For heads the machine has not, and factors that are none.
+        For heads the machine has not, or named twice, and factors that are none.
     """
-    found = dict[str, float]()
+    found, named = dict[str, float](), set[str]()
     for text in stated:
         name, _, factor = text.partition("=")
         refuse_unknown_head("--slower", text, name, machine)
+        _refuse_twice("--slower", text, name, named)
         try:
             found[name] = float(factor)
         except ValueError:
@@ -102,6 +106,13 @@ def late_heads(stated: Sequence[str], machine: Machine) -> dict[str, float]:
                 advice=f"give how many times as long as planned it takes, 1 to {SLOWEST:g}",
             )
     return found
+
+
+def _refuse_twice(option: str, text: str, name: str, named: set[str]) -> None:
+    """Raise InputError for a head that an option has named already; mutates `named`."""
+    if name in named:
+        raise InputError(f"{option} {text}: head {name} is named twice", advice="name it once")
+    named.add(name)
 
 
 def _point(text: str, place: str, head: Head) -> Point:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from decmcts.arguments import check_fields
-from decmcts.planning.options import Freedom, ProcessOrder
+from decmcts.planning.options import Freedom, ProcessOrder, refuse_too_many_ahead
 from decmcts.print.plan import OrderRules
 
 
@@ -21,7 +21,7 @@ class Held:
     Raises
     ------
     InputError
-        For a limit below zero, or a name that is none.
+        For a limit below zero or beyond what plan.json holds, or a name that is none.
 
     Examples
     --------
@@ -38,6 +38,7 @@ class Held:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        refuse_too_many_ahead(self.max_layers_ahead)
 
     def names(self) -> list[str]:
         """Return the names of the rules that are not None."""

@@ -164,8 +164,10 @@ def _looks(ideals: Ideals, count: int) -> NDArray[np.float64]:
 def slack_of(problem: OrderProblem) -> float:
     """Return by how much a detour may be cheaper than the direct travel.
 
-    Two travels may each be short enough to go without retraction where one is not.
+    Two travels may each be short enough to go without retraction where one is not. Where travels
+    over walls cost more, two may go round a wall that one crosses: by any amount.
     """
-    if problem.costs is not None:
+    pace = problem.pace
+    if problem.costs is not None or (pace is not None and pace.over and pace.looks_at_walls):
         return float(np.inf)
-    return 0.0 if problem.pace is None else problem.pace.hop_s
+    return 0.0 if pace is None else pace.hop_s

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -149,3 +151,11 @@ def test_a_full_disk_costs_the_recording_and_nothing_else(capsys) -> None:
     assert (
         said.replace("\n", " ").count("/dev/full: the recording cannot be written (No space") == 1
     )
+
+
+def test_no_share_of_the_bound_where_there_is_no_plan_yet() -> None:
+    """The column said `inf`."""
+    searching = replace(LEFT, best_makespan_s=math.inf)
+    console = Console(width=80, record=True, file=StringIO())
+    console.print(agents_table((searching,), 100.0))
+    assert "inf" not in console.export_text()

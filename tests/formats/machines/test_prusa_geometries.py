@@ -124,3 +124,10 @@ def test_a_pattern_that_may_take_for_ever_is_refused(tmp_path, pattern):
     file = written(tmp_path, (pattern, [NOZZLE]))
     with pytest.raises(InputError, match="no plain pattern"):
         load_machine(f"{file}:{'a' * 40}")
+
+
+def test_a_preset_of_several_heads_lends_no_bed(tmp_path):
+    """The file describes one head: two of a preset's were an internal error."""
+    file = written(tmp_path, (".*", [NOZZLE]))
+    machine = load_machine(f"{file}:dual-gantry")
+    assert [head.name for head in machine.heads] == ["head"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import random
+import re
 import struct
 import zipfile
 from pathlib import Path
@@ -108,3 +109,19 @@ def test_no_damage_crashes_or_names_our_libraries(suffix: str, tmp_path: Path) -
         whole = archive(bytes(content)) if suffix == "model.3mf" else bytes(content)
         said = refusal(tmp_path / f"mesh.{suffix}", whole)
         assert "module" not in said and "\n" not in said and "broadcast" not in said
+
+
+def test_numbers_of_a_text_stl_may_be_long(tmp_path: Path) -> None:
+    """Of a word of more than 32 letters the end was lost, and with it the exponent."""
+    path = tmp_path / "long.stl"
+    words = re.sub(
+        rb"vertex (\S+) (\S+) (\S+)",
+        lambda found: (
+            b"vertex " + b" ".join(b"%.33e" % (10.0 * float(word)) for word in found.groups())
+        ),
+        WORDS,
+    )
+    path.write_bytes(WORDS)
+    plain = load_solid(path, None)
+    path.write_bytes(words)
+    assert load_solid(path, None).bounds == pytest.approx(10.0 * plain.bounds)

@@ -11,7 +11,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan, write_plan
-from decmcts.planning.replanning.fenced import fenced_places
+from decmcts.planning.replanning.fenced import fenced_places, late_heads
 from decmcts.planning.replanning.living import living_machine
 from decmcts.print.machine import Fenced, line_of
 from decmcts.print.plan import JointPlan
@@ -128,3 +128,12 @@ def test_bad_places_are_refused(made: Made, said: str, what: str) -> None:
     state = PrintState((HeadState("left", 0), HeadState("right", 0)), None)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=what):
         fenced_places([said], made.document, state, seen=False)
+
+
+def test_a_head_is_named_once(made: Made) -> None:
+    """Of two places the last one counted, and others could come near the head at the first."""
+    state = PrintState((HeadState("left", 0), HeadState("right", 0)), None)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="--fenced right=200,50,1: head right is named twice"):
+        fenced_places(["right=park", "right=200,50,1"], made.document, state, seen=False)
+    with pytest.raises(InputError, match="--slower left=3: head left is named twice"):
+        late_heads(["left=2", "left=3"], made.document.machine)

@@ -14,10 +14,18 @@ from decmcts.search.bounds.ideals_kernels import WINDOW
 from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.entries_kernels import visits_cost
-from decmcts.search.sequence.problem import OrderProblem, Seams
+from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.tour_kernels import respects
-from tests.search.problems import choices, price, random_problem, with_bare, with_loops, with_pace
+from tests.search.problems import (
+    box_walls,
+    choices,
+    price,
+    random_problem,
+    with_bare,
+    with_loops,
+    with_pace,
+)
 
 
 def kinds(problem: OrderProblem, seed: int) -> OrderProblem:
@@ -85,6 +93,18 @@ def test_small_problems_of_every_kind(seed: int) -> None:
     """Sparse and dense graphs, loops, seconds with retractions, bare costs."""
     problem = random_problem(seed, 2 + seed % 6, density=(0.0, 0.3, 0.7)[seed % 3])
     problem = kinds(problem, seed)
+    found = solve_exactly(problem)
+    assert found is not None
+    check(problem, found)
+    assert found.cost == pytest.approx(least(problem))
+
+
+@pytest.mark.parametrize("seed", [1, 12, 16, 27])
+def test_two_travels_round_a_wall_cost_less_than_one_across_it(seed: int) -> None:
+    """Orders that were not optimal were taken to be proven so, which ended the search."""
+    problem = random_problem(seed, 2 + seed % 6, density=(0.0, 0.3, 0.7)[seed % 3])
+    problem = with_loops(problem, seed) if seed % 2 else problem
+    problem = replace(problem, pace=Pace.in_mm(box_walls(), 1.0))
     found = solve_exactly(problem)
     assert found is not None
     check(problem, found)

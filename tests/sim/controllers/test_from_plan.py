@@ -8,6 +8,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.dec_mcts.warm_up import smallest_problem
 from decmcts.team.schedule.joint_plan import schedule
+from sim.controllers.events import events_of
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.simulate import simulate
 
@@ -23,3 +24,5 @@ def test_a_head_with_nothing_to_do_stands_at_its_park() -> None:
     assert programs[1].points.tolist() == [list(machine.heads[1].park)]
     found = simulate(programs, machine)
     assert found.safe and found.trials[0].near[0].gap_mm > 0.0
+    assert [event.head for event in events_of(found).events if event.head == 1] == []
+    assert len(events_of(found).events) >= 2 * len(job.contours)  # each begins and ends
