@@ -116,7 +116,9 @@ def test_numbers_of_a_text_stl_may_be_long(tmp_path: Path) -> None:
     path = tmp_path / "long.stl"
     words = re.sub(
         rb"vertex (\S+) (\S+) (\S+)",
-        lambda found: b"vertex " + b" ".join(b"%.33e" % (10.0 * float(word)) for word in found.groups()),
+        lambda found: (
+            b"vertex " + b" ".join(b"%.33e" % (10.0 * float(word)) for word in found.groups())
+        ),
         WORDS,
     )
     path.write_bytes(WORDS)
