@@ -36,6 +36,7 @@ _HEAD_KEYS = (
     "name", "slices", "clearance", "bodies", "park", "reach", "reach_min", "reach_max", "tools",
     "limits", "pace", "idle",
 )  # fmt: skip
+_LAST_TOOL = 2**15 - 1  # that contours can have
 _SLOWEST = 100.0
 HOTTEST_C = 600.0
 FASTEST_C_S = 100.0
@@ -96,8 +97,8 @@ def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
     bodies = tuple(map(_body, table.tables("bodies", [])))
     low, high = _reach(table)
     tools = table.items("tools", [])
-    if any(type(tool) is not int or tool < 0 for tool in tools):
-        table.fail("tools", f"expected tool numbers from 0, found {shown(tools)}")
+    if any(type(tool) is not int or not 0 <= tool <= _LAST_TOOL for tool in tools):
+        table.fail("tools", f"expected tool numbers from 0 to {_LAST_TOOL}, found {shown(tools)}")
     return Head(
         name=head_name(table),
         slices=tuple(slices),

@@ -200,6 +200,7 @@ def test_unknown_machine_lists_the_known():
             "limits.acceleration: 1e-300 would never arrive; 1e-06 is the least",
         ),
         ('name = "a"', 'name = "a"\ntools = [-1]', "tool numbers"),
+        ('name = "a"', 'name = "a"\ntools = [0, 99999999999999999999]', "from 0 to 32767"),
         ('name = "a"', 'name = "a"\npace = 0.9', "pace: 0.9 is below 1"),
         ('name = "a"', 'name = "a"\nidle = 3', r"heads\[0\]\.idle: expected a table"),
         ('name = "a"', 'name = "a"\nidle = { after = 3 }', r"idle\.after: unknown key"),
