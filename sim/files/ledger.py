@@ -320,7 +320,7 @@ def _check_outer_ways(
     retract it is not judged. Of file and source: moves, the lines at which they begin behind the
     start code and end above the end code, the moves that lay contours, and where blocks stand.
     """
-    ways, usual = (_outer_ways(*each, theirs.enough) for each in (ours, own))
+    ways, usual = _outer_ways(*ours, theirs.enough), _outer_ways(*own, theirs.enough)
     found = farther_unretracted(ways, theirs)
     as_source = ways.retracts[0] and ways.unretracted[0] <= usual.unretracted[0] + SAME_MM
     if as_source or not (usual.plain[0] and usual.retracts[0]):
