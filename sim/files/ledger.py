@@ -18,7 +18,7 @@ out about retraction is asked for.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,7 @@ from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
-from sim.files.unretracted import Spans, Ways, farther_unretracted
+from sim.files.unretracted import SAME_MM, Spans, Ways, farther_unretracted
 
 TOTAL_MM = 1e-4  # by which the filament of a tool may differ in all
 NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, on both sides
@@ -72,6 +72,16 @@ def check_filament(
         *_check_depths(book, own, motions),
         *_check_firmware(book, own, motions, source),
         *_check_unretracted(book, own, motions, source),
+        *_check_outer_ways(
+            (motions, (places.begin, places.end), laid[0], places.blocks),
+            (
+                source,
+                (document.preamble.count(b"\n") + 1, None),
+                theirs,
+                lines_in_source(given)[1:],
+            ),
+            ways_of(own, source),
+        ),
     ]
 
 
@@ -297,6 +307,58 @@ def ways_of(book: Book, motions: Motions, source: Ways | None = None) -> Ways:
     if source is None:
         return Ways.of_source(points, extrusion, _withdrawn(motions), spans)
     return Ways.of(points, extrusion, _withdrawn(motions), spans, source.enough)
+
+
+def _check_outer_ways(
+    ours: tuple[Motions, tuple[int, int], Ints, LineSpans],
+    own: tuple[Motions, tuple[int, None], Ints, LineSpans],
+    theirs: Ways,
+) -> list[Fault]:
+    """Check the ways from the start code to the first bead and from the last to the end code.
+
+    As all others; but the first may go as the source's own first way does, and where that does not
+    retract it is not judged. Of file and source: moves, the lines at which they begin behind the
+    start code and end above the end code, the moves that lay contours, and where blocks stand.
+    """
+    ways, usual = _outer_ways(*ours, theirs.enough), _outer_ways(*own, theirs.enough)
+    found = farther_unretracted(ways, theirs)
+    as_source = ways.retracts[0] and ways.unretracted[0] <= usual.unretracted[0] + SAME_MM
+    if as_source or not (usual.plain[0] and usual.retracts[0]):
+        found.pop(0, None)
+    motions, (_, end), laid, _ = ours
+    lines = (int(motions.line[laid[0]]), end)
+    return listed(FaultKind.STATE, [f"above line {lines[k]} {text}" for k, text in found.items()])
+
+
+def _outer_ways(
+    motions: Motions, lines: tuple[int, int | None], laid: Ints, blocks: LineSpans,
+    enough: Mapping[int, float],
+) -> Ways:  # fmt: skip
+    """Return the first way and, with a line at which it ends, the last.
+
+    They are plain where one tool is in use and no block stands in them.
+    """
+    line, tools = np.asarray(motions.line), tools_of(motions)
+    extrusion = np.asarray(motions.extrusion)
+    first, behind = int(laid[0]), int(laid[-1]) + 1
+    begin = min(int(np.searchsorted(line, lines[0])), first)
+    bounds = [(begin, first)]
+    if lines[1] is not None:
+        bounds.append((behind, max(behind, int(np.searchsorted(line, lines[1])))))
+    stand = [int(np.searchsorted(line, span[0])) for span in blocks if span is not None]
+    tool = [int(tools[max(a - 1, 0)]) for a, _ in bounds]
+    plain = [
+        bool((tools[a : b + 1] == t).all()) and not any(a <= k <= b for k in stand)
+        for (a, b), t in zip(bounds, tool, strict=True)
+    ]
+    given = np.cumsum(np.where(tools[:begin] == tool[0], extrusion[:begin], 0.0))
+    already = np.zeros(len(bounds))
+    already[0] = given.max(initial=0.0) - (given[-1] if begin else 0.0)
+    starts, ends = np.array(bounds, np.int64).T
+    spans = Spans(starts, ends, np.array(tool, np.int64), np.array(plain, np.bool_))
+    return Ways.of(
+        np.asarray(motions.points), extrusion, _withdrawn(motions), spans, enough, already=already
+    )
 
 
 def _withdrawn(motions: Motions) -> Flags:

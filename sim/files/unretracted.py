@@ -65,7 +65,7 @@ class Ways(NamedTuple):
     @staticmethod
     def of(
         points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans,
-        enough: Mapping[int, float], *, parted: bool = False,
+        enough: Mapping[int, float], *, parted: bool = False, already: Floats | None = None,
     ) -> Ways:  # fmt: skip
         """Measure ways; linear in the moves.
 
@@ -77,6 +77,7 @@ class Ways(NamedTuple):
         enough : what counts as retracted, mm of filament by tool
         parted
             Ways are made of several travels: the longest move unretracted counts, not their sum.
+        already : (n,) mm retracted where each way begins; None: nothing
         """
         begin, end = spans.begin, spans.end
         total = np.concatenate([[0.0], np.cumsum(extrusion)])
@@ -85,7 +86,8 @@ class Ways(NamedTuple):
         way = np.repeat(np.arange(n), count)
         move = np.arange(len(way)) + np.repeat(begin - np.cumsum(count) + count, count)
         pulled = np.array([enough.get(t, PULLED_MM) for t in spans.tool.tolist()])
-        held = withdrawn[move] | (total[move] - total[begin][way] < -pulled[way])
+        floor = total[begin] - pulled + (0.0 if already is None else already)
+        held = withdrawn[move] | (total[move] < floor[way])
         unretracted = np.zeros(n)
         bare = ~held & (np.abs(extrusion[move]) < np.maximum(WIPED * step[move], 1e-6))
         (np.maximum if parted else np.add).at(unretracted, way, step[move] * bare)

@@ -216,7 +216,8 @@ class _Account:
         self.head, self.dues, self.job, self.document = head, dues, job, document
         total = np.concatenate([[0.0], np.cumsum(head.file.motion.extrusion)])
         self.total: list[float] = total.tolist()  # given before each move, and by all
-        self.retracted = float(_owed(head.file.motion.extrusion[: head.begin])[-1])
+        self.parked = float(_owed(head.file.motion.extrusion[: head.begin])[-1])  # retracted there
+        self.retracted = self.parked
         if self._mine(dues.start_tool):
             self.retracted += dues.start
         elif head.tool in dues.starts:
@@ -258,7 +259,8 @@ class _Account:
         """Check the stretch before a bead, and the bead."""
         dues = self.dues
         due = self.retracted + float(dues.net[bead.contour])
-        if self.last == self.at <= bead.begin:
+        from_park = self.last < 0 and self.at == self.head.begin
+        if (from_park or self.last == self.at) and self.at <= bead.begin:
             self.between.append((self.at, bead.begin))
         if self.at > bead.begin:  # lines in another order, which is a fault of its own
             self.at = bead.begin
@@ -278,12 +280,21 @@ class _Account:
         self.retracted = self.most = 0.0
 
     def _unretracted(self) -> list[str]:
-        """Check that the head travels unretracted no farther than the source does."""
+        """Check that the head travels unretracted no farther than the source does.
+
+        From its park and back to it too.
+        """
+        if 0 <= self.last <= self.head.end:
+            self.between.append((self.last, self.head.end))
         begin, end = np.array(self.between, np.int64).reshape(-1, 2).T
         motion, n = self.head.file.motion, len(begin)
         spans = Spans(begin, end, np.full(n, self.head.tool), np.ones(n, np.bool_))
         theirs, pulled = self.dues.ways, motion.withdrawn
-        ways = Ways.of(motion.points, motion.extrusion, pulled, spans, theirs.enough, parted=True)
+        already = np.where(begin == self.head.begin, self.parked, 0.0)
+        ways = Ways.of(
+            motion.points, motion.extrusion, pulled, spans, theirs.enough, parted=True,
+            already=already,
+        )  # fmt: skip
         found = farther_unretracted(ways, theirs, parted=True).items()
         return [f"above line {self._line(int(end[k]))} {text}" for k, text in found]
 

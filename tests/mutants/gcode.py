@@ -206,6 +206,8 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
     Mutant("a dwell within a contour, said to be our own", own_dwell_within),
     Mutant("a line number", change(BEAD, "^", "N7 ")),
     Mutant("a move behind a lone carriage return", within("; a comment\rG1 X50 Y50 E5")),
+    Mutant("a travel behind a vertical tab", insert("\x0bG1 X50 Y50 Z0.1")),
+    Mutant("a reset of filament behind a form feed", insert("\x0cG92 E0")),
     Mutant("an unclosed bracket", change(BEAD, r" E", " ( E")),
     Mutant("a bead a hundred metres away", change(BEAD, r"X\d+", "X100000")),
     Mutant("a coordinate of 5000 digits", change(BEAD, r"X\d+", "X" + "9" * 5000)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -268,3 +269,41 @@ def test_a_travel_with_hardly_anything_retracted_is_a_fault(tmp_path: Path) -> N
         out.write_text("\n".join(made) + "\n")
         faults = verify_written(out, job, document, load_machine(MACHINE)).faults
         assert any("mm unretracted" in fault.text for fault in faults)
+
+
+def test_the_ways_behind_the_start_code_and_above_the_end_code_are_judged(tmp_path: Path) -> None:
+    """Primed where the start code ends, or retracted where the end code begins, it passed."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(made_gcode([(100.0, 100.0), (150.0, 100.0)]))
+    job, document = read_gcode(source)
+    last = len(job.contours) - 1
+    order = np.arange(last + 1)
+    order[last - 4 :] = [last - 2, last - 1, last, last - 4, last - 3]  # ends far from the source's
+    written(source, out, order)
+    machine = load_machine(MACHINE)
+    lines, sound = out.read_text().splitlines(), verify_written(out, job, document, machine)
+    assert not any("mm unretracted" in fault.text for fault in sound.faults)
+    beads = [k for k, line in enumerate(lines) if re.match("G[1-3] X.* E", line)]
+    push = next(k for k, line in enumerate(lines) if line.startswith("G1 E0.8"))
+    pull = next(k for k in range(beads[-1], len(lines)) if lines[k].startswith("G1 E-0.8"))
+    across = [k for k, line in enumerate(lines) if re.match(r"G1 X(?!.* E)", line)]
+    above = next(k for k in across if k < push)
+    behind = next(k for k in across if k > pull)
+    for taken, put in ((push, above), (pull, behind)):
+        made = [*lines]
+        made.insert(put, made.pop(taken))
+        out.write_text("\n".join(made) + "\n")
+        faults = verify_written(out, job, document, machine).faults
+        assert any("mm unretracted" in fault.text for fault in faults)
+
+
+def test_a_source_that_travels_primed_to_its_first_bead_may(tmp_path: Path) -> None:
+    """What it does by itself is no fault of what is made of it, nor its own."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    text = made_gcode([(100.0, 100.0), (150.0, 100.0)])
+    text = text.replace("G1 E-0.80000 F2100\nM107\n", "M107\n", 1)
+    source.write_text(text.replace("G1 E0.80000 F2100\n", "", 1))
+    job, document = written(source, out)
+    for path in (source, out):
+        faults = verify_written(path, job, document, load_machine(MACHINE)).faults
+        assert not any("mm unretracted" in fault.text for fault in faults)

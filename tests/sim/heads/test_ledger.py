@@ -142,3 +142,31 @@ def test_a_deposit_is_pushed_by_one_head(tmp_path):
     assert pushed == [1, 0]
     said = "; left out, another head's bead: G1 E1.5 F2400"
     assert made.paths[1].read_text().count(said) == 1
+
+
+def primed_at_the_park(lines: list[str]) -> None:
+    """Push before the head leaves its park."""
+    bead = next(k for k, text in enumerate(lines) if " E2.5" in text)
+    push = max(k for k in range(bead) if lines[k].startswith("G1 E1"))
+    travel = max(k for k in range(push) if lines[k].startswith("G1 X"))
+    lines[travel] = lines[travel].split(" F")[0] + " F9000"
+    lines.insert(travel, lines.pop(push))
+
+
+def retracted_at_the_park(lines: list[str]) -> None:
+    """Pull where the head has come to its park again."""
+    bead = max(k for k, text in enumerate(lines) if " E0.2" in text)
+    pull = next(k for k in range(bead, len(lines)) if lines[k].startswith("G1 E-1"))
+    park = next(k for k in range(pull, len(lines)) if lines[k].startswith("M400"))
+    lines.insert(park - 1, lines.pop(pull))
+
+
+@pytest.mark.parametrize("spoil", [primed_at_the_park, retracted_at_the_park])
+@pytest.mark.parametrize("head", [0, 1])
+def test_a_head_leaves_its_park_and_comes_back_retracted(tmp_path, spoil, head):
+    """Ways from bead to bead were judged, these passed."""
+    made = Made(tmp_path, source())
+    lines = made.paths[head].read_text().splitlines()
+    spoil(lines)
+    made.paths[head].write_text("\n".join(lines) + "\n")
+    assert any("mm unretracted" in fault.text for fault in made.judged().faults)

@@ -30,6 +30,8 @@ PACKED_SUFFIXES = (binary.SUFFIX, plates.SUFFIX, flashprint.SUFFIX)
 # Both begin with a plain byte, which `re` looks for faster than for the begin of a line.
 _NUMBERED = re.compile(rb"\n[ \t]*[Nn][ \t]*\d+(?:\.\d*)?[ \t]*([^;\r\n]*)")
 _LONE_RETURN = re.compile(rb"\r(?![\r\n]|\Z)")
+_ODD_BLANK = re.compile(rb"[\x0b\x0c\x1c-\x1f]")
+_ODD_BLANK_IN_CODE = re.compile(rb"^[^;\n\x0b\x0c\x1c-\x1f]*+[\x0b\x0c\x1c-\x1f]", re.M)
 
 
 def load_text(path: Path | str, plate: int | None = None) -> bytes:
@@ -78,6 +80,7 @@ def _text_in(path: Path | str, plate: int | None) -> bytes:
             advice="give the G-code as a slicer exports it",
         )
     refuse_lone_returns(raw, path)
+    refuse_odd_blanks(raw, path)
     return raw
 
 
@@ -205,4 +208,26 @@ def refuse_lone_returns(text: bytes, path: Path | str) -> None:
         path=path,
         line=text.count(b"\n", 0, found.start()) + 1,
         advice="export the G-code again, or put a line end there",
+    )
+
+
+def refuse_odd_blanks(text: bytes, path: Path | str) -> None:
+    """Refuse a vertical tab, form feed or separator (0x1c to 0x1f) in a command.
+
+    Klipper strips them as blanks and carries out what stands behind; Marlin knows no such command.
+    In comments they may stay.
+
+    Raises
+    ------
+    InputError
+        With the line it stands in.
+    """
+    if not _ODD_BLANK.search(text) or (found := _ODD_BLANK_IN_CODE.search(text)) is None:
+        return
+    raise InputError(
+        f"a control character (0x{text[found.end() - 1]:02x}) in a command: some firmwares take it "
+        "for a blank, others do not know the command",
+        path=path,
+        line=text.count(b"\n", 0, found.end()) + 1,
+        advice="export the G-code again, or put a blank there",
     )

@@ -12,6 +12,7 @@ from decmcts.formats.gcode.text.source_text import (
     first_number,
     load_text,
     refuse_lone_returns,
+    refuse_odd_blanks,
     without_numbers,
 )
 from decmcts.planning.problem.source import machine_for
@@ -138,3 +139,17 @@ def test_a_lone_carriage_return_is_refused_for_what_it_is(text, said):
 def test_usual_line_ends_pass(text):
     """CRLF, also doubled by an editor, and a file that stops within one."""
     refuse_lone_returns(text, "in")
+
+
+@pytest.mark.parametrize("blank", [b"\x0b", b"\x0c", b"\x1f"])
+@pytest.mark.parametrize("line", [b"@G1 Z0.1", b"G1@X5", b"G1 X5@", b" @(c) G1 X5", b"@; a"])
+def test_a_blank_of_some_firmwares_is_refused_in_a_command(blank, line):
+    """Klipper strips it and moves; the scanner took the line for an unknown command."""
+    text = b"G28\n; a" + blank + b"\n" + line.replace(b"@", blank) + b"\n"
+    with pytest.raises(InputError, match=f"in:3: a control character .0x{blank[0]:02x}"):
+        refuse_odd_blanks(text, "in")
+
+
+def test_control_characters_in_comments_pass():
+    """They command nothing there, and tabs are blanks to all."""
+    refuse_odd_blanks(b"G28 ; a\x0cb\n;\x1f\nG1\tX5\n", "in")
