@@ -216,12 +216,13 @@ class _Account:
         self.head, self.dues, self.job, self.document = head, dues, job, document
         total = np.concatenate([[0.0], np.cumsum(head.file.motion.extrusion)])
         self.total: list[float] = total.tolist()  # given before each move, and by all
-        self.parked = float(_owed(head.file.motion.extrusion[: head.begin])[-1])  # retracted there
+        self.parked = float(_owed(head.file.motion.extrusion[: head.begin])[-1])
         self.retracted = self.parked
         if self._mine(dues.start_tool):
             self.retracted += dues.start
         elif head.tool in dues.starts:
             self.retracted += dues.starts[head.tool]
+        self.parked = max(self.parked, self.retracted)  # or as the source left its tool before
         self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
         self.at = head.begin  # the move behind the last bead, or the source's own lines
         self.last = -1  # the move behind the last bead
@@ -259,7 +260,8 @@ class _Account:
         """Check the stretch before a bead, and the bead."""
         dues = self.dues
         due = self.retracted + float(dues.net[bead.contour])
-        from_park = self.last < 0 and self.at == self.head.begin
+        leaves = self.parked >= dues.ways.enough.get(self.head.tool, np.inf)  # retracted
+        from_park = leaves and self.last < 0 and self.at == self.head.begin
         if (from_park or self.last == self.at) and self.at <= bead.begin:
             self.between.append((self.at, bead.begin))
         if self.at > bead.begin:  # lines in another order, which is a fault of its own
@@ -282,7 +284,7 @@ class _Account:
     def _unretracted(self) -> list[str]:
         """Check that the head travels unretracted no farther than the source does.
 
-        From its park and back to it too.
+        From its park, if it is retracted there, and back to it too.
         """
         if 0 <= self.last <= self.head.end:
             self.between.append((self.last, self.head.end))
