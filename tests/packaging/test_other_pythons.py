@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -21,9 +22,9 @@ NEWER = ("3.14", "3.13", "3.12")
 
 def newest() -> Path | None:
     """Return the newest Python of the machine: on the path, or one of pyenv's."""
-    of_pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    beside = Path(sys.base_prefix).parent  # of pyenv, where this one is of pyenv
     for version in NEWER:
-        found = [shutil.which(f"python{version}"), *of_pyenv.glob(f"{version}.*/bin/python")]
+        found = [shutil.which(f"python{version}"), *beside.glob(f"{version}.*/bin/python")]
         for python in filter(None, found):
             said = subprocess.run([python, "--version"], capture_output=True, text=True)
             if re.match(rf"Python {re.escape(version)}\.", said.stdout):
