@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from decmcts.arguments import check_fields
 from decmcts.errors import InputError
+from decmcts.formats.files.bounds import MOST_LAYERS
 from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules
 from decmcts.search.sequence.planner import Planner
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 STAGGER_MM = 1.2  # more than two beads of 0.45 mm: ends of one layer touch none of the next
 MOST_STAGGER_MM = 5.0  # farther from where a layer's strips end in step, heads wait for each other
-MOST_LAYERS = 2**31 - 1  # by which a part may run ahead of the rest; plan.json holds no more
 
 
 class Freedom(StrEnum):

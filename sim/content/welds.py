@@ -118,7 +118,7 @@ def _by_role(welds: dict[int, list[float]], roles: dict[int, int]) -> dict[str, 
 def _alike(stated: object, due: float | dict[str, int] | None) -> bool:
     """Tell whether a figure is stated as it is due."""
     if isinstance(due, dict):
-        return isinstance(stated, dict) and stated == due
+        return stated == due
     if due is None or isinstance(stated, bool) or not isinstance(stated, int | float):
         return False
     return due - TOLERANCE_S <= stated <= due + TOLERANCE_S  # not subtracted: an int may be huge

@@ -61,26 +61,24 @@ def check_filament(
     if not len(laid[0]):
         return []
     theirs = np.flatnonzero(np.asarray(source.contour) >= 0)
-    own = Book.of(source, theirs, np.asarray(source.contour)[theirs], lines_in_source(given))
+    spans = lines_in_source(given)
+    own = Book.of(source, theirs, np.asarray(source.contour)[theirs], spans)
     book = Book.of(motions, *laid, [(1, places.begin - 1), *places.blocks])
     if taken is not None:
         numbers = np.concatenate([[0], taken.block + 1, [NONE]])  # the last: of no lines
         book = replace(book, lines=numbers[book.lines])
+    ways = ways_of(own, source)
     return [
         *_check_totals(motions, source, taken),
         *_check_nets(book, own, motions),
         *_check_depths(book, own, motions),
         *_check_firmware(book, own, motions, source),
-        *_check_unretracted(book, own, motions, source),
+        *_check_unretracted(book, ways, motions),
         *_check_outer_ways(
-            (motions, (places.begin, places.end), laid[0], places.blocks),
-            (
-                source,
-                (document.preamble.count(b"\n") + 1, None),
-                theirs,
-                lines_in_source(given)[1:],
-            ),
-            ways_of(own, source),
+            _outer_ways(motions, laid[0], places, ways.enough),
+            _outer_ways(source, theirs, _places_in_source(document, spans, source), ways.enough),
+            ways,
+            (int(motions.line[laid[0][0]]), places.end),
         ),
     ]
 
@@ -291,9 +289,8 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
     return listed(FaultKind.STATE, texts, total=len(foreign) + len(wrong))
 
 
-def _check_unretracted(book: Book, own: Book, motions: Motions, source: Motions) -> list[Fault]:
+def _check_unretracted(book: Book, theirs: Ways, motions: Motions) -> list[Fault]:
     """Check that the nozzle travels unretracted no farther than in the source."""
-    theirs = ways_of(own, source)
     found = farther_unretracted(ways_of(book, motions, theirs), theirs)
     line, bead = motions.line, book.bead[1:]
     return listed(FaultKind.STATE, [f"above line {line[bead[k]]} {t}" for k, t in found.items()])
@@ -309,43 +306,38 @@ def ways_of(book: Book, motions: Motions, source: Ways | None = None) -> Ways:
     return Ways.of(points, extrusion, _withdrawn(motions), spans, source.enough)
 
 
-def _check_outer_ways(
-    ours: tuple[Motions, tuple[int, int], Ints, LineSpans],
-    own: tuple[Motions, tuple[int, None], Ints, LineSpans],
-    theirs: Ways,
-) -> list[Fault]:
+def _check_outer_ways(ways: Ways, usual: Ways, theirs: Ways, lines: tuple[int, int]) -> list[Fault]:
     """Check the ways from the start code to the first bead and from the last to the end code.
 
     As all others; but the first may go as the source's own first way does, and where that does not
-    retract it is not judged. Of file and source: moves, the lines at which they begin behind the
-    start code and end above the end code, the moves that lay contours, and where blocks stand.
+    retract it is not judged. `usual` are the source's, `lines` those at which ours end.
     """
-    ways, usual = _outer_ways(*ours, theirs.enough), _outer_ways(*own, theirs.enough)
     found = farther_unretracted(ways, theirs)
     as_source = ways.retracts[0] and ways.unretracted[0] <= usual.unretracted[0] + SAME_MM
     if as_source or not (usual.plain[0] and usual.retracts[0]):
         found.pop(0, None)
-    motions, (_, end), laid, _ = ours
-    lines = (int(motions.line[laid[0]]), end)
     return listed(FaultKind.STATE, [f"above line {lines[k]} {text}" for k, text in found.items()])
 
 
+def _places_in_source(document: GcodeDocument, spans: LineSpans, source: Motions) -> Verbatim:
+    """Return where a source has its own lines; what is behind its last bead is of its end code."""
+    begin, end = document.preamble.count(b"\n") + 1, int(source.line[-1]) + 1
+    return Verbatim(begin, end, tuple(spans[1:]))
+
+
 def _outer_ways(
-    motions: Motions, lines: tuple[int, int | None], laid: Ints, blocks: LineSpans,
-    enough: Mapping[int, float],
-) -> Ways:  # fmt: skip
-    """Return the first way and, with a line at which it ends, the last.
+    motions: Motions, laid: Ints, places: Verbatim, enough: Mapping[int, float]
+) -> Ways:
+    """Return the way from the start code to the first bead, and that from the last one to the end.
 
     They are plain where one tool is in use and no block stands in them.
     """
     line, tools = np.asarray(motions.line), tools_of(motions)
     extrusion = np.asarray(motions.extrusion)
     first, behind = int(laid[0]), int(laid[-1]) + 1
-    begin = min(int(np.searchsorted(line, lines[0])), first)
-    bounds = [(begin, first)]
-    if lines[1] is not None:
-        bounds.append((behind, max(behind, int(np.searchsorted(line, lines[1])))))
-    stand = [int(np.searchsorted(line, span[0])) for span in blocks if span is not None]
+    begin = min(int(np.searchsorted(line, places.begin)), first)
+    bounds = [(begin, first), (behind, max(behind, int(np.searchsorted(line, places.end))))]
+    stand = [int(np.searchsorted(line, span[0])) for span in places.blocks if span is not None]
     tool = [int(tools[max(a - 1, 0)]) for a, _ in bounds]
     plain = [
         bool((tools[a : b + 1] == t).all()) and not any(a <= k <= b for k in stand)

@@ -24,7 +24,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from decmcts.formats.files.bounds import LARGEST_MM
+from decmcts.formats.files.bounds import LARGEST_MM, LAST_TOOL
 from decmcts.formats.files.fields import Fields, fail, points, shown
 from decmcts.formats.heads.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.heads.clearances import TALLEST_NOZZLE_MM, clearance_head
@@ -36,7 +36,6 @@ _HEAD_KEYS = (
     "name", "slices", "clearance", "bodies", "park", "reach", "reach_min", "reach_max", "tools",
     "limits", "pace", "idle",
 )  # fmt: skip
-_LAST_TOOL = 2**15 - 1  # that contours can have
 _SLOWEST = 100.0
 HOTTEST_C = 600.0
 FASTEST_C_S = 100.0
@@ -97,8 +96,8 @@ def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
     bodies = tuple(map(_body, table.tables("bodies", [])))
     low, high = _reach(table)
     tools = table.items("tools", [])
-    if any(type(tool) is not int or not 0 <= tool <= _LAST_TOOL for tool in tools):
-        table.fail("tools", f"expected tool numbers from 0 to {_LAST_TOOL}, found {shown(tools)}")
+    if any(type(tool) is not int or not 0 <= tool <= LAST_TOOL for tool in tools):
+        table.fail("tools", f"expected tool numbers from 0 to {LAST_TOOL}, found {shown(tools)}")
     return Head(
         name=head_name(table),
         slices=tuple(slices),

@@ -23,7 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SECONDS, unpacked
+from decmcts.formats.files.bounds import (
+    LARGEST_MM,
+    LARGEST_SECONDS,
+    LAST_TOOL,
+    MOST_LAYERS,
+    unpacked,
+)
 from decmcts.formats.files.fields import Fields, points, shown
 from decmcts.formats.files.reading import once, one_line, read_bytes
 from decmcts.formats.gcode.text.source_text import save_text
@@ -53,7 +59,6 @@ _FENCED = "fenced"  # likewise
 _PRINT_WITH = "print_with"  # likewise
 _CUTS = ("none", "inside", "all")
 _CHOICES = {"process_order": ("keep", "free"), "freedom": ("fixed", "reversible", "seam")}
-_MOST_LAYERS, _MOST_TOOLS = 2**31, 2**15
 _TOOL = re.compile(r"[0-9]{1,5}", re.ASCII)
 
 
@@ -222,7 +227,7 @@ def _print_with(given: Fields) -> tuple[tuple[int, int], ...]:
     for key in table.values:
         if not _TOOL.fullmatch(str(key)):
             table.fail(str(key), "is no tool", "tools are numbers, as in T0")
-    pairs = ((int(key), table.integer(key, least=0, below=_MOST_TOOLS)) for key in table.values)
+    pairs = ((int(key), table.integer(key, least=0, below=LAST_TOOL + 1)) for key in table.values)
     return tuple(sorted(pairs))
 
 
@@ -234,7 +239,7 @@ def _rules(table: Fields) -> OrderRules:
             table.fail(key, f"{shown(table.need(key))} is none of {', '.join(choices)}")
     ahead = table.need("max_layers_ahead")
     if ahead is not None:
-        ahead = table.integer("max_layers_ahead", least=0, below=_MOST_LAYERS)
+        ahead = table.integer("max_layers_ahead", least=0, below=MOST_LAYERS + 1)
     cut = table.text("cut") if "cut" in table.values else "none"
     if cut not in _CUTS:
         table.fail("cut", f"{shown(cut)} is none of {', '.join(_CUTS)}")

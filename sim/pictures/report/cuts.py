@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any
 
 import numpy as np
 
-from decmcts.print.contours import Role
-from decmcts.print.cut import weld_ages
+from decmcts.print.cut import cut_metrics, weld_ages
 from decmcts.print.plan import PlanDocument
 from sim.pictures.report.blobs import Blobs
 
@@ -44,8 +42,6 @@ def cut_facts(after: PlanDocument) -> dict[str, Any] | None:
     pieces = after.contours
     if pieces.of is None:
         return None
-    age, cuts = weld_ages(pieces, after.plan)
-    first = np.searchsorted(pieces.of, cuts.contour)
-    roles = Counter(pieces.role[first].tolist())
-    named = [[Role(role).name.lower().replace("_", " "), n] for role, n in roles.most_common()]
+    age, _ = weld_ages(pieces, after.plan)
+    named = [[role.replace("_", " "), n] for role, n in cut_metrics(pieces)["roles"].items()]
     return {**after.metrics.get("cut", {}), "roles": named, "in_one_go": int((age == 0.0).sum())}

@@ -30,7 +30,7 @@ PACKED_SUFFIXES = (binary.SUFFIX, plates.SUFFIX, flashprint.SUFFIX)
 # Both begin with a plain byte, which `re` looks for faster than for the begin of a line.
 _NUMBERED = re.compile(rb"\n[ \t]*[Nn][ \t]*\d+(?:\.\d*)?[ \t]*([^;\r\n]*)")
 _LONE_RETURN = re.compile(rb"\r(?![\r\n]|\Z)")
-_ODD_BLANK = re.compile(rb"[\x0b\x0c\x1c-\x1f]")
+_ODD_BLANKS = (b"\x0b", b"\x0c", b"\x1c", b"\x1d", b"\x1e", b"\x1f")  # `in` finds one fast
 _ODD_BLANK_IN_CODE = re.compile(rb"^[^;\n\x0b\x0c\x1c-\x1f]*+[\x0b\x0c\x1c-\x1f]", re.M)
 
 
@@ -222,7 +222,9 @@ def refuse_odd_blanks(text: bytes, path: Path | str) -> None:
     InputError
         With the line it stands in.
     """
-    if not _ODD_BLANK.search(text) or (found := _ODD_BLANK_IN_CODE.search(text)) is None:
+    if not any(blank in text for blank in _ODD_BLANKS):
+        return
+    if (found := _ODD_BLANK_IN_CODE.search(text)) is None:
         return
     raise InputError(
         f"a control character (0x{text[found.end() - 1]:02x}) in a command: some firmwares take it "
