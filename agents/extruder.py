@@ -192,8 +192,7 @@ def _meeting_by_hand(given: argparse.Namespace) -> Meeting | None:
 def _team_planner(given: argparse.Namespace) -> AgentPlanner:
     # Imported here: the computing rooms take a second to load, which tests of
     # the processes with a planner of their own need not wait for.
-    from agents.planners.pack import read_pack
-    from agents.planners.source import load_source
+    from agents.planners.pack import load_source, read_pack
     from agents.planners.team_planner import DecMctsPlanner
 
     if given.pack is not None:

@@ -9,15 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from agents.launching.crew import Crew
-from agents.launching.spawn import Agreement, OnStart, run_agents
+from agents.launching.spawn import Agreement, Crew, OnStart, run_agents
 from agents.launching.status import LaunchError, OnProgress
 from agents.messages.digests import apart
 from agents.planners.pack import TEAM, Pack, write_pack
 from agents.planners.serial import joint_order
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.files.atomic import draft_folder
 from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine

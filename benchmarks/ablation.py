@@ -32,12 +32,11 @@ from effects import Effect, against_twins, told
 from in_process import less_percent, loaded, searched
 
 from decmcts.search.decomposition.blocks import Sequence
-from decmcts.search.hybrid.multistart import Multistart
-from decmcts.search.hybrid.partition import Partition
+from decmcts.search.hybrid.multistart import Multistart, Partition
 from decmcts.search.hybrid.phases import Exact, Hybrid
-from decmcts.search.hybrid.starts import LayeredStart
-from decmcts.search.sequence.annealing import DESCENT_FROM
+from decmcts.search.hybrid.search import LayeredStart
 from decmcts.search.sequence.planner import Planner
+from decmcts.search.sequence.stopping import DESCENT_FROM
 
 MODELS = (  # sizes in turn, so that a part of the runs has something of each
     "teaset_chess_7 mozc_arms_6 spiral_cup moveo_covers_4 odri_spacers_6 so100_plate_part1 "

@@ -23,7 +23,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from decmcts.experiments.rows import Rows, grouped, markdown, median, spread
+from decmcts.experiments.kinds import Rows, grouped, markdown, median, spread
 from decmcts.samples import SAMPLES
 
 __all__ = ["Rows", "grouped", "markdown", "median", "spread"]

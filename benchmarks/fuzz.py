@@ -7,7 +7,7 @@ for the machine may be busy. Messages between agents are unpacked in such a proc
 as many of each in their own process, with a fixed seed and without a search. Another format is a
 row of `FORMATS`.
 
-No command is lost: what the judge's book of commands says (`sim.files.command_book`), and as often
+No command is lost: what the judge's book of commands says (`sim.files.commands`), and as often
 as in the source by a reading of lines of this file's own, but for what the run says it left out.
 """
 
@@ -51,7 +51,7 @@ from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule
-from sim.files.command_book import check_book
+from sim.files.commands import check_book
 
 MOST_S, MOST_BYTES = 60, 4 * 2**30  # of the processor
 WAIT_S = 600.0  # for a run that does nothing

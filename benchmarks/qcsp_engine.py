@@ -23,9 +23,8 @@ from decmcts.formats.bare.qcsp import QcspProblem, read_qcsp
 from decmcts.print.lags_kernels import no_lags
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.joint_kernels import NONE, Visits, all_parked, new_units
-from decmcts.team.engine.pieces_kernels import Pieces
 from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, link
-from decmcts.team.engine.spaces_kernels import Fleet
+from decmcts.team.engine.spaces_kernels import Fleet, Pieces
 from decmcts.team.qcsp.solver import _threads_of, search_qcsp
 from decmcts.team.qcsp.solver_kernels import decode, find_loads
 

@@ -45,8 +45,8 @@ from shared_by_many import source_for
 from team_prints import plate_path
 
 from decmcts.errors import InputError, VerificationError
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.experiments.made_print import made_gcode
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Event, Note
 from decmcts.planning.launch import launch
@@ -64,7 +64,6 @@ from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_heads
-from sim.experiments.made_print import made_gcode
 from tests.makers.printed import printed_twice
 
 KEY = ("print", "kind", "number", "limit_s", "speed")

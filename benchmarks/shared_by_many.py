@@ -24,8 +24,7 @@ import trimesh
 from common import Rows, arguments, grouped, markdown, median, names, seeds, setting, spread
 
 from decmcts.errors import InputError, VerificationError
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import RULES, Cut, Limits, TeamSearch

@@ -19,8 +19,7 @@ from common import corpus, print_path
 
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Rules
 from decmcts.planning.problem.print_problem import PrintProblem, load, parked_above
@@ -29,8 +28,7 @@ from decmcts.print.contours import PER_CONTOUR, Contours, taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.engine.alone import lone_machine
-from decmcts.team.engine.macros import part_of
-from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.problem import TeamProblem, build_team_problem, part_of
 
 PLATES = ("mix_1", "mix_2", "mix_3", "mix_4", "mix_5", "mix_6", "same_4_far", "same_9")
 WIDE_MM, SHARE_MM, MARGIN_MM = 1200.0, 150.0, 2.5

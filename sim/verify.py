@@ -17,9 +17,8 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
 from sim.arrays import Floats, Ints
 from sim.content.inventory import compare, contour_segments, match_segments
-from sim.content.legs import Legs, legs_of
-from sim.content.paths import check_head, check_once, check_release, check_structure
-from sim.content.pieces import parted_source
+from sim.content.paths import Legs, check_head, check_once, check_release, check_structure, legs_of
+from sim.content.pieces import check_welds, parted_source
 from sim.content.same_print import (
     check_accelerations,
     check_contours,
@@ -28,7 +27,6 @@ from sim.content.same_print import (
     check_print,
     is_other_print,
 )
-from sim.content.welds import check_welds
 from sim.faults import LIMIT, Fault, FaultKind, Gap, Nearest, Verdict, listed
 from sim.files.extent import check_extent
 from sim.replay.bodies import check_heads, check_rail, count_pairs
@@ -48,8 +46,7 @@ from sim.replay.execution import (
     shared_pieces,
     timing_factors,
 )
-from sim.replay.fenced import check_fenced
-from sim.replay.growth import beads_for, moves_of
+from sim.replay.fenced import beads_for, check_fenced, moves_of
 from sim.replay.heads_near import nearest_heads
 from sim.replay.material import find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_signals, check_times

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from agents.launching import limits
+from agents.launching import liveness
 from agents.launching.liveness import Liveness
 from agents.launching.processes import AgentLine
 from agents.launching.status import (
@@ -184,7 +184,7 @@ class Supervisor:
                 self._miss(head, heads)
             case {"event": "shut", "reason": reason}:
                 self._update(head, note=reason)
-                if self._clock() - self._moved_at > limits.GRACE_S:
+                if self._clock() - self._moved_at > liveness.GRACE_S:
                     self._move()
             case {"event": "released"}:
                 self._released[head] = line
@@ -256,7 +256,7 @@ class Supervisor:
         """Have agents meet elsewhere that miss each other; if that is no help, fence one side."""
         pairs = [(head, other) for head in self._unfenced() for other in self._missing(head)]
         self._misses = {pair: self._misses.get(pair, now) for pair in pairs}
-        patience_s = limits.MEET_S + limits.MEET_HEAD_S * max(0, len(self._names) - 2)
+        patience_s = liveness.MEET_S + liveness.MEET_HEAD_S * max(0, len(self._names) - 2)
         overdue = [
             (head, other)
             for (head, other), at in self._misses.items()
@@ -284,7 +284,7 @@ class Supervisor:
 
     def _move(self) -> bool:
         """Have all agents meet elsewhere; False if they did so too often."""
-        if self._moves >= limits.MOST_MOVES:
+        if self._moves >= liveness.MOST_MOVES:
             return False
         self._moves += 1
         self._moved_at = self._clock()
@@ -312,10 +312,13 @@ class Supervisor:
         if self._is_over(now) or self._met_at is None:
             for head in self._unfenced():
                 if self._liveness.is_hung(head, now):
-                    self.fence(head, f"it said nothing for {limits.HUNG_S:g} s")
+                    self.fence(head, f"it said nothing for {liveness.HUNG_S:g} s")
         self._settle_misses(now)
-        if self._released_since is not None and now - self._released_since > limits.FOLLOW_LIMIT_S:
-            self._fence_silent(f"silent {limits.FOLLOW_LIMIT_S:g} s after a release")
+        if (
+            self._released_since is not None
+            and now - self._released_since > liveness.FOLLOW_LIMIT_S
+        ):
+            self._fence_silent(f"silent {liveness.FOLLOW_LIMIT_S:g} s after a release")
         else:
             self._enforce_agreement(now)
 
@@ -323,15 +326,15 @@ class Supervisor:
         heads = len(self._names)
         for head in sorted(waiting):
             since = self._again.get(head, self._started)
-            until = since + limits.UNHEARD_S + heads
+            until = since + liveness.UNHEARD_S + heads
             if self._first_ready_at is not None and head not in self._again:
-                until = min(until, self._first_ready_at + limits.HUNG_S + heads / 2)
-            if head in self._again and self._is_over(now, limits.RETURN_S):
+                until = min(until, self._first_ready_at + liveness.HUNG_S + heads / 2)
+            if head in self._again and self._is_over(now, liveness.RETURN_S):
                 self.fence(head, f"{self.status[head].again}, and not back in time")
-            elif now - since > limits.START_LIMIT_S:
-                self.fence(head, f"not ready after {limits.START_LIMIT_S:g} s")
+            elif now - since > liveness.START_LIMIT_S:
+                self.fence(head, f"not ready after {liveness.START_LIMIT_S:g} s")
             elif self._liveness.is_hung(head, now):
-                self.fence(head, f"it said nothing for {limits.HUNG_S:g} s")
+                self.fence(head, f"it said nothing for {liveness.HUNG_S:g} s")
             elif not self._liveness.was_alive(head) and now > until:
                 self.fence(head, "it never said anything")
 
@@ -346,14 +349,14 @@ class Supervisor:
         if self._over_at is None:
             if (
                 self._met_at is not None
-                and now - self._met_at > self._limit_s + limits.LATE_LIMIT_S
+                and now - self._met_at > self._limit_s + liveness.LATE_LIMIT_S
             ):
                 self._fence_silent(
-                    f"not done {limits.LATE_LIMIT_S:g} s after the time for planning"
+                    f"not done {liveness.LATE_LIMIT_S:g} s after the time for planning"
                 )
             return
         limit_s = self.agree_limit_s()
-        if now < max(self._over_at + limit_s, self._fenced_at + limits.AFTER_FENCE_S):
+        if now < max(self._over_at + limit_s, self._fenced_at + liveness.AFTER_FENCE_S):
             return
         why = f"no agreement {limit_s:.0f} s after planning"
         heads = self._unfenced()
@@ -365,9 +368,10 @@ class Supervisor:
 
     def agree_limit_s(self) -> float:
         """Return how long agents may take to agree, by what is known of their rounds."""
-        heads_s = limits.AGREE_HEAD_S * max(0, len(self._names) - 2)
+        heads_s = liveness.AGREE_HEAD_S * max(0, len(self._names) - 2)
         return max(
-            limits.AGREE_LIMIT_S + heads_s, limits.AGREE_ROUNDS * self._liveness.longest_round_s()
+            liveness.AGREE_LIMIT_S + heads_s,
+            liveness.AGREE_ROUNDS * self._liveness.longest_round_s(),
         )
 
     def _fence_silent(self, why: str) -> None:

@@ -3,6 +3,13 @@
 Everything goes to standard error except what was asked for (`--json`, tables),
 so that output can be piped. A terminal gets one line that changes, everything
 else (a log, a slicer's window, `TERM=dumb`) a line a step.
+
+The one way to the terminal: nothing that comes out of a file commands it.
+
+Names of machines and heads, macros, lines of G-code and recordings hold what somebody else wrote:
+an escape sequence in them could rename the window, hide a warning, or answer in the user's
+place. All that is shown is rendered by a `SafeConsole`, which puts a question mark in the place
+of each control character; colours and cursor movements of our own are not text and pass.
 """
 
 from __future__ import annotations
@@ -10,21 +17,45 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.segment import Segment
 from rich.table import Table
 
 from decmcts.cli import signals
-from decmcts.cli.terminal import SafeConsole
+from decmcts.formats.files.names import harmless
 from decmcts.planning.events import Event, Heads, Note, Report, Step
 from decmcts.planning.events import Progress as Searched
 from decmcts.print.figures import clock_time
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
+
+__all__ = ["SafeConsole", "harmless"]
+
+
+class SafeConsole(Console):
+    """A console that shows no control character of what it is given."""
+
+    def show(self, *lines: str | None) -> None:
+        """Print lines whole, however long; those that are empty, or None, not at all."""
+        for line in filter(None, lines):
+            self.print(line, soft_wrap=True)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Render as any console, what is text without controls."""
+        for segment in super().render(renderable, options):
+            if segment.control is None and (clean := harmless(segment.text)) != segment.text:
+                yield Segment(clean, segment.style)
+            else:
+                yield segment
+
 
 err = SafeConsole(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
 out = SafeConsole(highlight=False, markup=False, emoji=False)

@@ -16,9 +16,22 @@ from matplotlib.figure import Figure
 from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.baselines import annealing, one_tree
 from decmcts.experiments.in_memory import agreed, weather_of
-from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
-from decmcts.experiments.pictures import boxes, figure
-from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
+from decmcts.experiments.kinds import (
+    Asked,
+    Experiment,
+    Key,
+    Line,
+    Row,
+    Sizes,
+    against,
+    boxes,
+    column,
+    figure,
+    grouped,
+    markdown,
+    median,
+    spread,
+)
 from decmcts.experiments.teams import PlanFunction, figures, given, in_one_process, planned
 from decmcts.experiments.two_heads import machine_for
 from decmcts.planning.compiling.parts import PRINT, TEAM

@@ -26,11 +26,25 @@ from agents.agreeing.events import HeadFenced
 from agents.launch import LaunchResult
 from agents.launching.spawn import Agreement
 from agents.planners.team_planner import DecMctsPlanner
-from decmcts.experiments.in_memory import Agreed, agreed, rounds_of, weather_of
-from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
-from decmcts.experiments.pictures import boxes, figure
+from decmcts.experiments.in_memory import STEP_S, Agreed, MemoryTeam, agreed, rounds_of, weather_of
+from decmcts.experiments.kinds import (
+    Asked,
+    Experiment,
+    Key,
+    Line,
+    Row,
+    Sizes,
+    against,
+    boxes,
+    column,
+    figure,
+    grouped,
+    markdown,
+    median,
+    spread,
+    stopping_of,
+)
 from decmcts.experiments.prints import print_file
-from decmcts.experiments.rows import Line, against, column, grouped, markdown, median, spread
 from decmcts.experiments.stopped import log_until
 from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
 from decmcts.experiments.two_heads import machine_for
@@ -58,7 +72,6 @@ from sim.controllers.carry_out import carry_out
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.simulate import Simulation, simulate
 from sim.controllers.timing import no_error
-from sim.experiments.memory_team import STEP_S, MemoryTeam
 
 BED_MM = 400.0
 MADE = ("row-4-20-20", "row-6-15-25")

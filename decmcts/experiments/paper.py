@@ -21,10 +21,22 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes, stopping_of
-from decmcts.experiments.pictures import boxes, figure
+from decmcts.experiments.kinds import (
+    Asked,
+    Experiment,
+    Key,
+    Line,
+    Row,
+    Sizes,
+    boxes,
+    column,
+    figure,
+    grouped,
+    markdown,
+    spread,
+    stopping_of,
+)
 from decmcts.experiments.prints import print_file, shown
-from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.planning.options import Freedom, Objective, ProcessOrder, Rules
 from decmcts.planning.problem.print_problem import load

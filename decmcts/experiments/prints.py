@@ -14,9 +14,9 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.experiments.kinds import Key
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.experiments.made_print import made_gcode
+from decmcts.formats.files.atomic import draft_folder
 from decmcts.samples import SAMPLES
-from sim.experiments.made_print import made_gcode
 
 LAYERS = 8
 MIDDLE_MM = (150.0, 150.0)  # of the bed of `dual-gantry`

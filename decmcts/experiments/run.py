@@ -2,6 +2,10 @@
 
 Rows are computed by an executor of `concurrent.futures`, whatever is behind it, and kept one by
 one as they come, so that an experiment which was stopped goes on where it was.
+
+The experiments by name, and one run of any of them in whatever process.
+
+A Dask cluster as an executor, where Dask is installed.
 """
 
 from __future__ import annotations
@@ -9,23 +13,31 @@ from __future__ import annotations
 import io
 import multiprocessing
 import os
+import platform
 import signal
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 
 from decmcts.arguments import checked
-from decmcts.errors import InputError
-from decmcts.experiments.catalogue import EXPERIMENTS, compute
-from decmcts.experiments.kinds import Asked, Experiment, Key
-from decmcts.experiments.pictures import DPI
+from decmcts.errors import InputError, VerificationError
+from decmcts.experiments.decentral_or_central import DECENTRAL_OR_CENTRAL
+from decmcts.experiments.kinds import DPI, Asked, Experiment, Key, Line, Row, Rows
+from decmcts.experiments.loss_and_failure import LOSS_AND_FAILURE
+from decmcts.experiments.online import ONLINE
+from decmcts.experiments.paper import PAPER
 from decmcts.experiments.prints import own_prints
-from decmcts.experiments.rows import Line, Rows
+from decmcts.experiments.team_size import TEAM_SIZE
+from decmcts.experiments.timing import TIMING
+from decmcts.experiments.two_heads import TWO_HEADS
 from decmcts.formats.files.atomic import write_whole
+from decmcts.planning.compiling.child import made
 from decmcts.planning.compiling.parts import is_compiled
-from decmcts.planning.compiling.workers import made
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.writing.places import refuse_place
 from decmcts.print.brief import brief
@@ -235,3 +247,52 @@ def _setting(rows: Sequence[Line]) -> str:
         f"{of('seed')}; {cpu_s / 60.0:.1f} minutes of processor time; decmcts {of('version')}, "
         f"numpy {of('numpy')}, numba {of('numba')}, Python {of('python')}"
     )
+
+
+_ALL = (TWO_HEADS, TEAM_SIZE, TIMING, LOSS_AND_FAILURE, DECENTRAL_OR_CENTRAL, ONLINE, PAPER)
+EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in _ALL})
+
+
+def compute(name: str, key: Key) -> Row:
+    """Make one run of an experiment and return its row; why it is refused stands in `error`."""
+    began = time.process_time()
+    try:
+        if key["version"] != __version__:
+            raise InputError(f"this worker has decmcts {__version__}, not {key['version']}")
+        found: Row = EXPERIMENTS[name].run(key)
+        error = ""
+    except (InputError, VerificationError) as refused:
+        found, error = {}, " ".join(str(refused).split())
+    asked = {field: value for field, value in key.items() if field != "folder"}
+    return {
+        **asked, **found, "cpu_s": round(time.process_time() - began, 2),
+        "python": platform.python_version(), "numpy": version("numpy"), "numba": version("numba"),
+        "error": error,
+    }  # fmt: skip
+
+
+CONNECT_S = 10.0
+
+
+@contextmanager
+def cluster_at(address: str) -> Iterator[Executor]:
+    """Yield what computes by the workers of a cluster, each of which has this version installed.
+
+    Raises
+    ------
+    InputError
+        Where Dask is not installed, or no scheduler answers at the address.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("a cluster needs Dask", advice="pip install 'decmcts[cluster]'") from None
+    try:
+        client = Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        why = " ".join(str(error).split())
+        raise InputError(
+            f"no cluster at {address}: {why}", advice="name its scheduler: tcp://HOST:8786"
+        ) from error
+    with client:
+        yield client.get_executor()

@@ -11,10 +11,9 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import HeadState
 from sim.controllers.carry_out import Run, carry_out
-from sim.controllers.events import events_of
 from sim.controllers.motion import profile_of
 from sim.controllers.program import HeadProgram
-from sim.controllers.simulate import Simulation
+from sim.controllers.simulate import Simulation, events_of
 from sim.controllers.timing import no_error
 
 

@@ -6,10 +6,21 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.figure import Figure
 
-from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
-from decmcts.experiments.pictures import curve, figure
+from decmcts.experiments.kinds import (
+    Asked,
+    Experiment,
+    Key,
+    Line,
+    Row,
+    Sizes,
+    column,
+    curve,
+    figure,
+    grouped,
+    markdown,
+    spread,
+)
 from decmcts.experiments.prints import shown
-from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.teams import (
     COLUMNS,
     against_one_head,

@@ -6,9 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from decmcts.experiments.kinds import Key, Row, stopping_of
+from decmcts.experiments.kinds import Key, Line, Row, column, spread, stopping_of
 from decmcts.experiments.prints import MIDDLE_MM, Point, print_file
-from decmcts.experiments.rows import Line, column, spread
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules

@@ -2,29 +2,54 @@
 
 One joint plan is run in simulated controllers in two ways. *Waits*: as it is written, a head goes
 on when another has signalled. *Clock*: it goes on at the planned time. Both get equal errors.
+
+The same programs by the clock: heads wait for times, not for one another.
+
+The baseline of the literature on several printing robots: a central plan that trusts its clock.
+Where a head waits for another's signal it waits until the moment at which it went on when all
+took the planned time. At planned times both do the same.
+
+References
+----------
+Journal of Mechanical Design 145(1) 012003, 2023: decentralised against centralised
+planning of several printing robots, under timing error.
 """
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 
+import numpy as np
 from matplotlib.figure import Figure
 
-from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
-from decmcts.experiments.pictures import curve, figure
+from decmcts.experiments.kinds import (
+    Asked,
+    Experiment,
+    Key,
+    Line,
+    Row,
+    Sizes,
+    column,
+    curve,
+    figure,
+    grouped,
+    markdown,
+    spread,
+)
 from decmcts.experiments.prints import shown
-from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.teams import given, planned
 from decmcts.experiments.two_heads import machine_for
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.plan import PlanDocument
+from sim.controllers.carry_out import Run
 from sim.controllers.from_plan import programs_of_plan
+from sim.controllers.program import HeadProgram, StopKind, Stops
 from sim.controllers.simulate import Simulation, simulate
 from sim.controllers.timing import Timing
-from sim.experiments.by_the_clock import by_the_clock
 
 ERRORS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the time
 KINDS = (Timing.UNIFORM, Timing.DRIFT)
@@ -121,3 +146,40 @@ TIMING = Experiment(
     ("print", "timing", "error_share", "draws"), _runs, _run, _tables, _draw,
     Sizes(1.5, 20.0), Sizes(1, 5), (PRINT, TEAM),
 )  # fmt: skip
+
+
+def by_the_clock(programs: Sequence[HeadProgram], planned: Run) -> tuple[HeadProgram, ...]:
+    """Return programs without signals between heads.
+
+    Each head starts a clock of its own when it begins, as a signal that only it waits for.
+    `planned` is how the programs are carried out without errors of time.
+    """
+    given = _given(programs, planned)
+    return tuple(
+        replace(program, stops=_timed(program.stops, planned, h, given))
+        for h, program in enumerate(programs)
+    )
+
+
+def _given(programs: Sequence[HeadProgram], planned: Run) -> dict[int, float]:
+    """Return when each signal is given."""
+    found = {}
+    for program, run in zip(programs, planned.heads, strict=True):
+        kinds = np.isin(program.stops.kind, (StopKind.SIGNAL, StopKind.PASS))
+        for j in np.flatnonzero(kinds).tolist():
+            found[int(program.stops.number[j])] = float(run.reached[j])
+    return found
+
+
+def _timed(stops: Stops, planned: Run, h: int, given: dict[int, float]) -> Stops:
+    """Return the stops of one head; `value` of a wait becomes when it went on."""
+    value, number = stops.value.copy(), stops.number.copy()
+    for j in np.flatnonzero(stops.kind == StopKind.WAIT).tolist():
+        ready = given[int(number[j])] + value[j]
+        number[j], value[j] = h, max(ready, float(planned.heads[h].reached[j]))
+    kind = stops.kind.copy()
+    number[kind != StopKind.WAIT] = len(planned.heads)  # nobody waits for it
+    return Stops(
+        np.concatenate([[0], stops.before]), np.concatenate([[StopKind.PASS], kind]),
+        np.concatenate([[h], number]), np.concatenate([[0.0], value]),
+    )  # fmt: skip

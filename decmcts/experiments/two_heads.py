@@ -8,13 +8,23 @@ from itertools import product
 
 from matplotlib.figure import Figure
 
-from decmcts.experiments.kinds import Asked, Experiment, Key, Row, Sizes
-from decmcts.experiments.pictures import curve, figure
+from decmcts.experiments.kinds import (
+    Asked,
+    Experiment,
+    Key,
+    Line,
+    Row,
+    Sizes,
+    column,
+    curve,
+    figure,
+    grouped,
+    markdown,
+    spread,
+)
 from decmcts.experiments.prints import Point, is_own, shown
-from decmcts.experiments.rows import Line, column, grouped, markdown, spread
 from decmcts.experiments.teams import COLUMNS, against_one_head, columns_of, given, planned
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.machine import Machine

@@ -3,6 +3,16 @@
 Turns contours and heads into kernel arrays, runs the walk and words what it
 finds for people. The geometry itself lives in `decmcts.feasibility.clearance_kernels`, the
 order of the walk in `decmcts.feasibility.closure_kernels`.
+
+Which touching contours of a layer keep the slicer's order, by their roles.
+
+Process order `keep` holds whatever has different roles. Quality holds what a
+slicer would never turn round: the shells of an island (inner and outer
+perimeters as sliced), what is anchored in them (infill, bridges, gap fill, top
+surfaces after the perimeters they start from), ironing after what it irons, and
+contours of which nothing is known. Always, a brim stays before what touches it.
+That what lies below comes first needs no rule: material above always blocks the
+head.
 """
 
 from __future__ import annotations
@@ -26,7 +36,6 @@ from decmcts.feasibility.closure_kernels import (
 from decmcts.feasibility.contacts import Contacts, find_contacts, words_of
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.feasibility.packed_head import pack_contours, pack_heads
-from decmcts.feasibility.touching import touching_kinds
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Head
 
@@ -57,7 +66,7 @@ def build_graph(
         Whether touching contours of different roles on a layer keep their order.
     quality : bool
         Whether shells, and what is anchored in them, keep their order where they
-        touch; see `decmcts.feasibility.touching`.
+        touch; see `decmcts.feasibility.build`.
     bead_width : bool
         Whether material has its beads' width, or is a centreline as in the paper.
     contacts : Contacts | None
@@ -152,3 +161,33 @@ def _graph_of(edges: Edges) -> DependencyGraph:
         at[alive] = edges.older[at[alive]]
     pairs = np.stack([edges.source[:count], target], axis=1)
     return DependencyGraph.from_pairs(len(edges.latest), pairs, edges.kind[:count].copy())
+
+
+SHELLS = (Role.EXTERNAL_PERIMETER, Role.PERIMETER, Role.OVERHANG_PERIMETER)
+ANCHORED = (
+    Role.INFILL,
+    Role.SOLID_INFILL,
+    Role.TOP_SOLID_INFILL,
+    Role.BRIDGE_INFILL,
+    Role.GAP_FILL,
+)
+
+
+def touching_kinds(
+    *, process_order: Literal["keep", "free"], quality: bool, brims: bool = False
+) -> NDArray[np.uint8]:
+    """Return the `EdgeKind` of a contour of role a touching a later one of role b, 0: none.
+
+    Shape (roles, roles), [a, b]. With `brims` a brim stays before what touches it.
+    """
+    kinds = np.zeros((len(Role), len(Role)), np.uint8)
+    if quality:
+        for shell in SHELLS:
+            kinds[shell, list(SHELLS + ANCHORED)] = EdgeKind.QUALITY
+        kinds[:, Role.IRONING] = EdgeKind.QUALITY
+        kinds[Role.UNKNOWN, Role.UNKNOWN] = EdgeKind.QUALITY
+    if process_order == "keep":
+        kinds[~np.eye(len(Role), dtype=np.bool_)] = EdgeKind.PROCESS
+    if brims:
+        kinds[Role.SKIRT_BRIM, np.arange(len(Role)) != Role.SKIRT_BRIM] = EdgeKind.PRIMING
+    return kinds

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from decmcts.feasibility.bits_kernels import add_ancestor_counts
 from decmcts.feasibility.clustering_kernels import (
     Neighbours,
+    add_ancestor_counts,
     cluster_depths,
     depths,
     edge_gammas,

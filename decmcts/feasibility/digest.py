@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
-from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Head, Machine
+from decmcts.print.machine import Head, Idle, Machine
 
 DIGEST_BYTES = 32
 ROUND_TO = 1e-6  # mm, mm/s ...: numbers count as equal when they round to the same multiple

@@ -18,8 +18,13 @@ from numba.core import registry
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 
-from decmcts.jit.borrowing import borrows
-from decmcts.jit.library import compiling, compiling_kernel, hand_environments, set_attribute
+from decmcts.jit.library import (
+    borrows,
+    compiling,
+    compiling_kernel,
+    hand_environments,
+    set_attribute,
+)
 from decmcts.jit.store import Store
 
 OnCompiling = Callable[[str], None]

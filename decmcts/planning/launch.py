@@ -7,7 +7,7 @@ from contextlib import contextmanager, nullcontext
 from functools import partial
 
 from agents.launch import launch as launch_agents
-from agents.launching.crew import Crew
+from agents.launching.spawn import Crew
 from decmcts.arguments import checked
 from decmcts.planning.compiling.child import compilation_reported, compiling_beside
 from decmcts.planning.compiling.parts import TEAM, is_compiled

@@ -14,8 +14,7 @@ from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.certificate import Certificate
 from decmcts.planning.one_head.no_slower import write_no_slower
 from decmcts.planning.options import Search, TeamSearch
-from decmcts.planning.problem.by_pieces import before_by_pieces
-from decmcts.planning.problem.planned import History, Planned
+from decmcts.planning.problem.planned import History, Planned, before_by_pieces
 from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.file_times import FileTimes
 from decmcts.planning.writing.heads import stem_of, write_heads

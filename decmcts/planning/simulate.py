@@ -19,13 +19,12 @@ from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import PrintEvent
-from sim.controllers.beads import Material, material_of_files, material_of_plan
-from sim.controllers.events import events_of
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.motion import QUEUE
+from sim.controllers.print_contacts import Material, material_of_files, material_of_plan
 from sim.controllers.program import HeadProgram
-from sim.controllers.simulate import Simulation, Trial, too_soon
+from sim.controllers.simulate import Simulation, Trial, events_of, too_soon
 from sim.controllers.simulate import simulate as run
 from sim.controllers.timing import Timing
 from sim.heads.file import header_of

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from decmcts.feasibility.digest import problem_digest
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.compiling.begin import compile_search
+from decmcts.planning.compiling.begin import compile_search, row_of
 from decmcts.planning.compiling.parts import (
     PRINT,
     TEAM,
@@ -25,7 +25,6 @@ from decmcts.planning.compiling.parts import (
     is_compiled,
     mark_compiled,
 )
-from decmcts.planning.compiling.rows import row_of
 from decmcts.planning.one_head.certificate import compile_bound
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import NO_QUALITY, PlannerName, Search

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
-from decmcts.print.idle import Practice
-from decmcts.print.machine import Fenced, MotionLimits
+from decmcts.print.machine import Fenced, MotionLimits, Practice
 
 DEFAULT_TRAVEL = 100.0  # mm/s, where the source names none
 

@@ -2,21 +2,131 @@
 
 Files are read in `decmcts.formats.machines.machine_file`; this is the frozen result.
 Units mm, mm/s, mm/s².
+
+What a head that stands idle does so that it does not ooze.
+
+A head of several waits for others. Its hot end is hot meanwhile, and filament under pressure
+seeps out. Slicers know this from changes of tools: the tool that is put down is pulled back
+further, and may be cooled to a *standby* temperature; the one that comes is heated, pushed forth
+again and primed. What a source does so is its `Practice`, what a machine file says goes before
+it. Where neither says anything nothing is done. Where heads stand idle is found in
+`decmcts.print.stands`.
+
+The lines with which the files of several heads signal and wait, as a controller has them.
+
+What is in braces is filled in: {number} of the sync point, the same in all files; {head}, the
+place (from 1) of the file whose head gives it; {count}, how many signals that head has given by
+then, this one included; {level}, 1 and 0 in turn with the count, for an output that changes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from string import Formatter
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
-from decmcts.print.idle import Idle
-from decmcts.print.sync_words import USUAL_WORDS, SyncWords
+
+FIELDS = ("number", "head", "count", "level")
+
+
+@dataclass(frozen=True, slots=True)
+class SyncWords:
+    """Lines of heads' files; what is in braces is filled in."""
+
+    signal: str = "SYNC_SIGNAL N={number}"  # at rest, behind an M400
+    passed: str = "SYNC_PASSED N={number}"  # in motion, behind a move
+    wait: str = "SYNC_WAIT N={number}"
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Yield which of them no file can have, and why."""
+        for name in ("signal", "passed", "wait"):
+            line = getattr(self, name)
+            try:
+                named = fields_of(line)
+            except ValueError as error:
+                yield name, str(error)
+                continue
+            if others := sorted(named - set(FIELDS)):
+                yield name, f"has {{{others[0]}}}, which is none of {', '.join(FIELDS)}"
+            if not line.strip() or not line.isprintable() or set(";(") & set(line):
+                yield name, "must be one line with a command, without a comment"
+            if name == "wait" and not ({"number"} == named or {"head", "count"} == named):
+                yield name, "must have {number}, or {head} and {count}, to say what it waits for"
+            if name != "wait" and "{number}" in self.wait and "number" not in named:
+                yield name, "must have {number}, for which a wait asks"
+        if self.wait in (self.signal, self.passed):
+            yield "wait", "is what a signal is too"
+
+
+USUAL_WORDS = SyncWords()
+
+
+def fields_of(line: str) -> set[str]:
+    """Return the names in braces; ValueError where a brace is alone."""
+    parts = list(Formatter().parse(line))
+    if any(spec or conversion for _, _, spec, conversion in parts):
+        raise ValueError("has more than a name in braces")
+    if any(name is not None and not text for text, name, _, _ in parts[1:]):
+        raise ValueError("has two names in braces with nothing between: no reader can part them")
+    return {name for _, name, _, _ in parts if name is not None}
+
+
+def pattern_of(line: str) -> str:
+    """Return a regular expression of a line with any numbers in it, its blanks single."""
+    parts = Formatter().parse(" ".join(line.split()))
+    return "".join(re.escape(text) + (r"\d+" if name else "") for text, name, _, _ in parts)
+
+
+def with_number(line: str, number: int, head: int, count: int) -> str:
+    """Return a line of a file: sync point `number`, the `count`-th signal of file `head`."""
+    return line.format(number=number, head=head, count=count, level=count % 2)
+
+
+UNLOAD_MM = 20.0  # of filament; who pulls more takes it out of the hot end
+IDLE_S = 10.0
+HEAT_C_S = 2.0  # 40 W hot ends near 200 °C: they heat faster below
+
+
+@dataclass(frozen=True, slots=True)
+class Practice:
+    """What is done with a tool that is not in use."""
+
+    retract_mm: float = 0.0  # filament pulled back in all; no more than for a travel: none further
+    prime_mm: float = 0.0  # pushed beyond what was pulled back
+    standby_c: float | None = None  # None: it stays as hot as it prints
+
+
+@dataclass(frozen=True, slots=True)
+class Idle:
+    """What a machine's file says of a head that stands idle; None: as the source does."""
+
+    after_s: float = IDLE_S  # that it lays nothing, or stands
+    standby_c: float | None = None
+    heat_c_s: float = HEAT_C_S  # °C/s that its hot end heats by at least
+    retract_mm: float | None = None
+    prime_mm: float | None = None
+
+    def over(self, source: Practice) -> Practice:
+        """Return what the head does, where its source does this.
+
+        Examples
+        --------
+        >>> Idle(prime_mm=0.0, standby_c=150.0).over(Practice(10.0, 0.3))
+        Practice(retract_mm=10.0, prime_mm=0.0, standby_c=150.0)
+        """
+        return Practice(
+            source.retract_mm if self.retract_mm is None else self.retract_mm,
+            source.prime_mm if self.prime_mm is None else self.prime_mm,
+            source.standby_c if self.standby_c is None else self.standby_c,
+        )
+
 
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
 Point = tuple[float, float, float]  # x, y, z

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.idle import Idle, Practice
 from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.machine import Idle, Practice
 from decmcts.print.plan import ActionKind, HeadActions
 
 SAFE = 0.9

@@ -2,6 +2,13 @@
 
 This is the composition root of the search: it runs a planner on a problem until the
 search is to end, and prices toolpaths. Each planner lives in a module of its own.
+
+A planner that begins with another one, until what it needs itself is ready.
+
+On a computer where nothing is compiled yet the search begins with a planner that needs
+few kernels. When the kernels of the other planner are there, that one goes on from the
+best sequence with the time that is left. Phases of it whose share of the
+time has passed by then are left out.
 """
 
 from __future__ import annotations
@@ -18,7 +25,6 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.baselines.local import Layerwise, Local
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.greedy import Greedy
 from decmcts.search.sequence.incumbent import Incumbent
@@ -158,3 +164,21 @@ def _toolpath(incumbent: Incumbent) -> Toolpath:
         return toolpath
     possible = np.where(incumbent.entry_id >= 0, incumbent.entry_id, seams.offsets[:-1])
     return replace(toolpath, entry=np.ascontiguousarray(seams.vertices[possible][order], np.int32))
+
+
+@dataclass(frozen=True, slots=True)
+class Meanwhile:
+    """Let `first` search until `ready`, then `then`."""
+
+    first: Planner
+    then: Planner
+    ready: Callable[[], bool]
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Spend the budget."""
+        if not self.ready():
+            with incumbent.ending_when(self.ready):
+                self.first.plan(incumbent, seed=seed)
+            if incumbent.over or not self.ready():
+                return
+        self.then.plan(incumbent, seed=seed)

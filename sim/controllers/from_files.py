@@ -19,8 +19,15 @@ from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
 from decmcts.print.motion_kernels import FACTOR
 from sim.arrays import Floats, Ints
-from sim.controllers.heating import AMBIENT_C, Heaters
-from sim.controllers.program import HeadProgram, HotEnd, StopKind, Stops, stops_of
+from sim.controllers.program import (
+    AMBIENT_C,
+    HeadProgram,
+    Heaters,
+    HotEnd,
+    StopKind,
+    Stops,
+    stops_of,
+)
 from sim.heads.file import HeadFile, read_head_file
 from sim.heads.heat import degrees_of, heat_of
 

@@ -4,6 +4,8 @@ Conservative advancement: where heads are so far apart and can be so fast, nothi
 for so long, and that time is skipped. So the least distance is found however short it lasts, to
 `CLOSEST_MM`. Heads are upright prisms (slices and boxes), so their distance is that of polygons
 and of heights.
+
+Distances of convex polygons on the plane, compiled.
 """
 
 from __future__ import annotations
@@ -20,7 +22,6 @@ from sim.arrays import Flags, Floats, Ints
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.compiled import compiled
 from sim.controllers.motion import Profile
-from sim.controllers.polygons import polygon_gap
 from sim.controllers.program import HeadProgram
 from sim.controllers.timing import Error
 from sim.replay.shapes import parts_of, separations_between
@@ -322,3 +323,59 @@ def positions(course: Course, times: Floats) -> Floats:
         i = _follow(course, i, times[k], point)
         found[k] = point
     return found
+
+
+@compiled
+def parted(
+    a: Floats, first: int, last: int, b: Floats, begin: int, end: int, dx: float, dy: float
+) -> bool:
+    """Tell whether an edge of the first convex polygon has all of the second outside it.
+
+    The second is moved by (dx, dy).
+    """
+    for i in range(first, last):
+        j = i + 1 if i + 1 < last else first
+        ex, ey = a[j, 0] - a[i, 0], a[j, 1] - a[i, 1]
+        outside = True
+        for k in range(begin, end):
+            if ex * (b[k, 1] + dy - a[i, 1]) - ey * (b[k, 0] + dx - a[i, 0]) >= 0.0:
+                outside = False
+                break
+        if outside:
+            return True
+    return False
+
+
+@compiled
+def to_edge(c: Floats, begin: int, end: int, j: int, x: float, y: float) -> float:
+    """Return the distance of a point to the edge that begins at corner j."""
+    n = j + 1 if j + 1 < end else begin
+    ex, ey = c[n, 0] - c[j, 0], c[n, 1] - c[j, 1]
+    length = ex * ex + ey * ey
+    share = 0.0
+    if length > 0.0:
+        share = min(1.0, max(0.0, ((x - c[j, 0]) * ex + (y - c[j, 1]) * ey) / length))
+    return float(np.hypot(x - c[j, 0] - share * ex, y - c[j, 1] - share * ey))
+
+
+@compiled
+def polygon_gap(
+    a: Floats, first: int, last: int, b: Floats, begin: int, end: int, dx: float, dy: float
+) -> float:
+    """Return the distance of two convex polygons, the second moved; 0: they overlap.
+
+    The second may be a segment, two corners, or a point twice.
+    """
+    if not (
+        parted(a, first, last, b, begin, end, dx, dy)
+        or parted(b, begin, end, a, first, last, -dx, -dy)
+    ):
+        return 0.0
+    least = np.inf
+    for i in range(first, last):
+        for j in range(begin, end):
+            x, y = a[i, 0] - dx, a[i, 1] - dy
+            least = min(least, to_edge(b, begin, end, j, x, y))
+            x, y = b[j, 0] + dx, b[j, 1] + dy
+            least = min(least, to_edge(a, first, last, i, x, y))
+    return least

@@ -15,7 +15,7 @@ import numpy as np
 
 from sim.arrays import Flags, Floats, Ints
 from sim.controllers.compiled import compiled
-from sim.controllers.polygons import polygon_gap
+from sim.controllers.nearness import polygon_gap
 
 CELL_MM = 0.25
 MOST_CELLS = 1 << 22  # of larger prints cells are larger

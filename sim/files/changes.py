@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.print.job import PrintJob
 from sim.arrays import Floats, Ints
-from sim.files.command_book import command_in
+from sim.files.commands import command_in
 
 ALIKE_MM = 2e-3  # of filament; what differs less is alike: files round off
 

@@ -5,23 +5,43 @@ command and in their place. Between contours only these commands are accepted: m
 are simulated; retraction, which is counted; and commands that set a state, in the source's
 own words, whose effect is compared bead by bead elsewhere. Comments and progress (M73) command
 nothing. Every other command is a fault, known or not.
+
+The judge's book of commands: what the source commands, the result commands.
+
+Both texts are read line by line, by a reading of the judge's own. A line commands what is left of
+it without its number, its checksum and its comments, in brackets or behind a semicolon. Words
+behind a comment in brackets command, as they do for firmwares that know such comments. A carriage
+return ends a line.
+
+Every command stands as often as in the source, but for those that other books keep: moves and
+filament (`sim.files.moves`, `sim.files.ledger`), how coordinates and filament are counted,
+progress, which is told anew, and what sets a state (`sim.files.settings` and, of heaters,
+`sim.files.temperatures`).
+
+Which lines of a file have to be looked at one by one: all the others are found at once.
+
+Nearly all lines of a file are plain moves or comments. Neither of these functions decides what a
+line commands. They only name the lines that whoever asks would pass over, so that the rest alone
+is read with regular expressions.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
 from decmcts.formats.gcode.document import Block
 from decmcts.formats.gcode.text.lines import command_of
-from sim.arrays import Ints
+from sim.arrays import Flags, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.files.lines import not_plain
 
 LONGEST_DWELL_S = 600.0  # no layer time asks for more
 _NUMBER = rb"(?:\d++(?:\.\d++)?|\.\d++)"  # one way to read it, however long
@@ -200,3 +220,146 @@ def shown(code: bytes) -> str:
     """Return a command for a message."""
     text = code.strip()[:60].decode("utf-8", "replace")
     return f"'{text}'" if text else "nothing"
+
+
+_ROW = re.compile(rb"[^\n]++")
+_OWN_WAIT = re.compile(
+    rb"\s*+G4 P\d++ ; decmcts (?:waits for cooling|stands idle)\s*+\Z"
+)  # plans make them anew
+_BRACKETS = re.compile(rb"\([^()\n]*+\)")
+_LINE_NUMBER = re.compile(rb"[Nn] ?\d++(?:\.\d*+)?")
+_CHECKSUM = re.compile(rb"\*\s*+\d++\s*+\Z")
+_WORD = re.compile(rb"([GMT]) ?0*(?=\d)", re.I)
+_IN_OTHER_BOOKS = re.compile(
+    rb"(?:G(?:[0-3]|1[017]|2[01]|9[0-2])|M(?:73|8[23]|10[4-9]|12[67]|14[01]|19[01]|20[13-8]|22[01]"
+    rb"|117|400|486|566|572|593|62[45]|74|900))(?![\d.])|EXCLUDE_OBJECT\w*"
+    rb"|SET_(?:PRINT_STATS_INFO|VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION|FAN_SPEED)\b",
+    re.I,
+)
+_LEFT_OUT = re.compile(rb"T-?\d+|G2[89](?![\d.])", re.I)  # of files of several heads
+_TOOL = re.compile(rb"(?:(?<=\d)| )T ?\d++(?= |\Z)", re.I)
+
+
+def check_book(text: bytes, source: bytes, more: Mapping[bytes, int] | None = None) -> list[Fault]:
+    """Check that a file commands whatever its source commands, as often.
+
+    `more` has by how much oftener a command is due than in the source; below 0: less often.
+    """
+    has, missing = Counter(command for _, command in commands_of(text)), list[str]()
+    due, first = Counter[bytes](), dict[bytes, int]()
+    for line, command in commands_of(source):
+        due[command] += 1
+        first.setdefault(command, line)
+    for command, times in due.items():
+        times += (more or {}).get(command, 0)
+        if has[command] < times and not _IN_OTHER_BOOKS.match(command):
+            often = "" if times == 1 else f", {times} times; here {has[command]}"
+            missing.append(
+                f"{shown(command)} is missing (line {first[command]} of the source{often})"
+            )
+    return listed(FaultKind.COMMAND, missing[:LIMIT], total=len(missing))
+
+
+def check_heads_book(texts: Sequence[bytes], source: bytes) -> list[Fault]:
+    """Check that each command of a source is in some head's file, with its tool or without.
+
+    Which head has it, where and how often is compared elsewhere. No tool is selected, as each file
+    is of one, and what homes amid the print is left out.
+    """
+    has = {command for text in texts for _, command in commands_of(text)}
+    missing = [
+        f"{shown(command)} is in no head's file (line {line} of the source)"
+        for line, command in commands_of(source)
+        if not (_IN_OTHER_BOOKS.match(command) or _LEFT_OUT.match(command))
+        and command not in has
+        and _TOOL.sub(b"", command) not in has
+    ]
+    return listed(FaultKind.COMMAND, missing[:LIMIT], total=len(missing))
+
+
+def commands_of(text: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield line, from 1, and command of what a text commands, but for most moves; linear."""
+    if b"\r" in text:
+        text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    for line, begin in no_comment_no_move(text):
+        row = _ROW.match(text, begin)
+        if row and not _OWN_WAIT.match(row[0]) and (command := command_in(row[0])):
+            yield line, command
+
+
+def command_in(line: bytes) -> bytes:
+    """Return what a line commands, a blank between words; nothing of a comment."""
+    code = line.split(b";", 1)[0]
+    if b"(" in code:
+        code = _BRACKETS.sub(b" ", code)
+    code = code.strip()
+    if numbered := _LINE_NUMBER.match(code):
+        code = _CHECKSUM.sub(b"", code[numbered.end() :])
+    code = b" ".join(code.split())
+    word = _WORD.match(code)
+    return code if word is None else word[1].upper() + code[word.end() :]
+
+
+_ONE_DIGIT = bytes.maketrans(b"23456789", b"11111111")
+_ZERO, _NINE, _DOT, _END = 48, 57, 46, 10
+
+T = TypeVar("T", bound=Hashable)
+Bytes = NDArray[np.uint8]
+
+
+def not_plain(text: bytes, plain: re.Pattern[bytes]) -> list[int]:
+    """Return the lines, from 0, whose shape `plain` does not match.
+
+    The shape of a line has each number's run of digits cut to its first, 1 for all but 0. Only
+    the second byte of a line, the number of its command, stays what it is. A pattern that asks
+    of numbers only whether there are digits, or one above 0, so matches no shape of a line that
+    it does not match.
+    """
+    shapes = _shapes(text).split(b"\n")
+    passed = {shape for shape in set(shapes) if plain.match(shape)}
+    return [k for k, shape in enumerate(shapes) if shape not in passed]
+
+
+def _shapes(text: bytes) -> bytes:
+    raw = np.frombuffer(text, np.uint8)
+    if not len(raw):
+        return b""
+    shape = np.frombuffer(text.translate(_ONE_DIGIT), np.uint8).copy()
+    digit = _digits(raw)
+    kept = np.ones(len(raw), np.bool_)
+    np.logical_and(digit[1:], digit[:-1], out=kept[1:])
+    np.logical_not(kept[1:], out=kept[1:])
+    second = np.concatenate([[0], np.flatnonzero(raw == _END) + 1]) + 1
+    shape[second[second < len(raw)]] = raw[second[second < len(raw)]]
+    kept[second[second + 1 < len(raw)] + 1] = True  # so that 12 is not 1
+    return shape[kept].tobytes()
+
+
+def _digits(raw: Bytes) -> Flags:
+    return np.asarray((raw >= _ZERO) & (raw <= _NINE))
+
+
+def no_comment_no_move(text: bytes) -> Iterator[tuple[int, int]]:
+    """Yield number, from 1, and first byte of each line that may be neither comment nor G0 to G3.
+
+    Empty lines and those that begin with a semicolon are left out, and moves written with one
+    digit; others may be among what is yielded. What begins with a comment in brackets is, as a
+    command may stand behind it.
+    """
+    raw = np.frombuffer(text + b"\n\n\n", np.uint8)
+    starts = np.concatenate([[0], np.flatnonzero(raw[: len(text)] == _END) + 1])
+    first, second, third = (raw[starts + k] for k in range(3))
+    move = ((first == ord("G")) | (first == ord("g"))) & (second >= _ZERO) & (second <= _ZERO + 3)
+    move &= ~(_digits(third) | (third == _DOT))
+    left = np.flatnonzero(~move & ~np.isin(first, (ord(";"), ord("\r"), _END)))
+    return zip((left + 1).tolist(), starts[left].tolist(), strict=True)
+
+
+def in_force(changes: Sequence[tuple[int, T]], number: Mapping[T, int], line: Ints) -> Ints:
+    """Return the number of what holds at each line, (n,).
+
+    `changes` are lines, from 1, and what holds behind each; first of all in line 0.
+    """
+    rows = np.array([row for row, _ in changes], np.int64)
+    held = np.array([number[value] for _, value in changes], np.int64)
+    return np.asarray(held[np.searchsorted(rows, line, side="left") - 1])

@@ -5,7 +5,7 @@ the like that it is laid with in the source. A setting is a word of a command (`
 axis that it names or for both (`M593 X F`). `M204 S` is P and T at once. Of some settings each tool
 has its own (`M900 T1 K`). Firmwares differ in whether one that names no tool is of the tool in use
 or of all, so such a setting is kept in both ways, and both have to agree. Both texts are read by
-`sim.files.command_book`, not by the reader that made the result.
+`sim.files.commands`, not by the reader that made the result.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ import numpy as np
 
 from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.files.command_book import commands_of
-from sim.files.lines import in_force
+from sim.files.commands import commands_of, in_force
 
 FAR_MM = 0.05  # across the bed: what is less is no travel
 _FAN = re.compile(rb"M(10[67]|12[67])(?![\d.]|[A-Z_]{2})(.*)", re.I | re.S)

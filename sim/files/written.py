@@ -4,6 +4,12 @@ The one judge of such files, before anyone may run them and whenever they are ve
 extrusion occurs once, with the source's filament and feed, under the state and with the filament
 retracted as there. The file waits where the plan waits, it hands over to the end G-code as the
 source does, and no written move touches the print.
+
+A source without its wipe tower, as the judge reads it where it was asked to be left out.
+
+The E word is taken out of each move in X or Y that pushes filament where the last comment on what
+is printed names a tower, or between the marks of a change of tools. What a plan printed besides is
+found missing or too much by everything that compares contours.
 """
 
 from __future__ import annotations
@@ -21,6 +27,7 @@ from decmcts.formats.gcode import (
     GcodeDocument,
     Motions,
     ending_faults,
+    read_gcode,
     read_motions,
     read_written,
     same_extrusions,
@@ -35,13 +42,11 @@ from sim.content.inventory import alike_of
 from sim.content.seams import Moved, seams_of_file, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.changes import Taken, as_taken
-from sim.files.command_book import check_book
-from sim.files.commands import check_commands
+from sim.files.commands import check_book, check_commands
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
-from sim.files.phases import in_phases
 from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
-from sim.files.temperatures import check_temperatures
+from sim.files.temperatures import check_temperatures, in_phases
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
@@ -75,8 +80,9 @@ def verify_written(
     All that is asked of such a file is asked here: of a draft before it is put in place, and of
     a file that `decmcts verify` is given. Contacts on moves that make the same contact in the
     source (in its end code, say) are the source's own and are warnings. Where the source goes
-    through the same temperatures part by part, a file may do so once (`sim.files.phases`); where
-    its changes of tools are alike a file may have fewer (`sim.files.changes`).
+    through the same temperatures part by part, a file may do so once
+    (`sim.files.temperatures`); where its changes of tools are alike a file may have fewer
+    (`sim.files.changes`).
 
     Parameters
     ----------
@@ -293,3 +299,40 @@ def moves_of(document: GcodeDocument) -> Motions | None:
         return read_motions(document.path, document.plate)
     except InputError:
         return None
+
+
+_MARK = re.compile(
+    rb"^[ \t]*;[ \t]*(?:(?P<of>(?:TYPE|FEATURE)[ \t]*:[^\r\n]*)"
+    rb"|(?P<begin>CP TOOLCHANGE START|WIPE_TOWER_START)"
+    rb"|(?P<end>CP TOOLCHANGE END|WIPE_TOWER_END))"
+    rb"|^(?P<move>[ \t]*G0*[123](?![\d.])[^;(\n]*)",
+    re.M | re.I,
+)
+_TOWER = re.compile(rb":[ \t]*(?:wipe tower|prime[- ]tower|prime pillar)[ \t]*\Z", re.I)
+_ACROSS = re.compile(rb"[XY] *[-+.\d]", re.I)
+_WORD_OF_E = re.compile(rb"(?<![ \t])[ \t]*+E[ \t]*+\+?[.\d][\d.]*+", re.I)
+
+
+def read_without_tower(
+    document: GcodeDocument, plate: int | None = None
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return a source read anew without its wipe tower; linear in its text."""
+    text = source_text(document)
+    assert text is not None
+    return read_gcode(document.path, plate, text=_left_out(text))
+
+
+def _left_out(text: bytes) -> bytes:
+    kept, at, tower, inside = list[bytes](), 0, False, False
+    for mark in _MARK.finditer(text):
+        if named := mark["of"]:
+            tower = _TOWER.search(named.rstrip()) is not None
+        elif mark["begin"] or mark["end"]:
+            inside = mark["begin"] is not None
+        elif (tower or inside) and _ACROSS.search(mark["move"]):
+            word = _WORD_OF_E.search(mark["move"])
+            if word is not None:
+                begin = mark.start("move")
+                kept += [text[at : begin + word.start()]]
+                at = begin + word.end()
+    return b"".join([*kept, text[at:]])

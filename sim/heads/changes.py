@@ -30,17 +30,14 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.formats.gcode.document import OwnStart
-from decmcts.print.idle import Practice
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Machine, Practice
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.changes import codes_of
-from sim.files.command_book import command_in, commands_of
-from sim.files.commands import sets_state
+from sim.files.commands import command_in, commands_of, sets_state
 from sim.files.written import source_text
-from sim.heads.file import HeadFile
+from sim.heads.file import ContourMoves, HeadFile
 from sim.heads.heat import SELECTS, degrees_of, heat_due
-from sim.heads.laid import ContourMoves
 
 _HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
 _MOVES = re.compile(

@@ -1,6 +1,10 @@
 """The file of one head of several as the judge reads it: commands, moves, sync points.
 
 Only reading; what the files must do together is judged in `sim.heads.together`.
+
+What a head's file lays down, against the contours of the source.
+
+What is in force at a line of a head's file, against what is due there in the source.
 """
 
 from __future__ import annotations
@@ -11,13 +15,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
+
+from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
+from decmcts.formats.gcode.dialects.dialect import OF_TOOL
+from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
-from decmcts.print.sync_words import USUAL_WORDS, SyncWords
+from decmcts.print.contours import Contours
+from decmcts.print.machine import USUAL_WORDS, SyncWords
 from sim.files.commands import codes_of, no_moves
+from sim.files.settings import settings_of
 from sim.heads.heat import SELECTS, heat_of
 from sim.heads.sync import Reader, Sync
 
@@ -240,3 +252,103 @@ def _e_set(code: bytes, relative_e: bool) -> list[bytes]:
     """Return what sets E to where a command that is left out would have led."""
     word = None if relative_e else _E_WORD.match(code)
     return [b"G92 E" + word[1]] if word else []
+
+
+SAME_MM = 1.1e-3  # files have three decimals
+E_MM = 5e-5
+FEED_MM_S = 1e-3
+
+
+class ContourMoves(NamedTuple):
+    """A contour that a file prints: moves begin..end - 1."""
+
+    contour: int
+    begin: int
+    end: int
+
+
+def pairs_of_states(
+    beads: Sequence[tuple[int, bool, int]], motion: Motion, state: Sequence[int],
+    contours: Contours, document: GcodeDocument,
+) -> list[tuple[int, int]] | None:  # fmt: skip
+    """Return the states of the file and of the source that go together; None if moves differ.
+
+    Parameters
+    ----------
+    beads : sequence
+        Contours entered as sliced, whether reversed, and the first move of each. All its moves
+        are there.
+    motion, state
+        The file's moves, and the row of the states in force at each, (m,).
+    contours, document
+        The source.
+    """
+    if not beads:
+        return []
+    (contour, is_reversed, first), offsets = np.array(beads, np.int64).T, contours.offsets
+    begin, count = offsets[contour], offsets[contour + 1] - offsets[contour] - 1
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    move = np.repeat(first, count) + step
+    back = np.repeat(is_reversed, count)
+    segment = np.where(
+        back == 1, np.repeat(begin + count, count) - step, np.repeat(begin, count) + 1 + step
+    )  # as contours number them, by their last point
+    if (
+        (np.abs(motion.points[move + 1] - contours.points[segment - back]) > SAME_MM).any()
+        or (np.abs(motion.extrusion[move] - contours.extrusion[segment]) > E_MM).any()
+        or (np.abs(motion.feed[move] - contours.feed[segment]) > FEED_MM_S).any()
+    ):
+        return None
+    mine, due = np.asarray(state, np.int64)[move], document.point_state[segment]
+    rows = len(document.states.rows)
+    return [divmod(pair, rows) for pair in np.unique(mine * rows + due).tolist()]
+
+
+Settings = frozenset[tuple[str, str]]  # what is set, and to what
+
+
+def differing(
+    ours: StateTable, row: int, theirs: StateTable, due: int, kept: Settings
+) -> list[str]:
+    """Return in words how a state in force differs from the state that is due.
+
+    `kept` are settings of tools that may be in force as well (`kept_settings`).
+    """
+    return words_of(in_force(ours, row), in_force(theirs, due), kept)
+
+
+def kept_settings(table: StateTable, row: int) -> Settings:
+    """Return the settings of tools in a state, one by one.
+
+    Where the source chooses another tool, nothing is known of that tool's until it is set. A
+    head's file chooses none: what its start code, the source's own, has set stays in force.
+    """
+    texts = (text for slot, text in in_force(table, row) if slot in OF_TOOL)
+    return frozenset(setting for text in texts for setting in _each_setting(text))
+
+
+def words_of(has: set[tuple[str, str]], wanted: set[tuple[str, str]], kept: Settings) -> list[str]:
+    """Return in words what is in force and what should be."""
+    ours, due = dict(has - wanted), dict(wanted - has)
+    for slot in OF_TOOL & ours.keys() & due.keys():
+        mine, theirs = _each_setting(ours[slot]), _each_setting(due[slot])
+        if theirs <= mine <= theirs | kept:
+            del ours[slot], due[slot]
+    words = [f"in force is '{text}'" for _, text in sorted(ours.items())]
+    return words + [f"not in force is '{text}'" for _, text in sorted(due.items())]
+
+
+def _each_setting(text: str) -> Settings:
+    """Return what commands set, and to what, one by one."""
+    found = settings_of(text.encode("utf-8", "surrogateescape"))
+    return frozenset((name, lines[-1][1]) for name, lines in found.items())
+
+
+def in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
+    """Return name and text of the states that command something and are not set by blocks alone."""
+    pairs = zip(table.slots, table.rows[row].tolist(), strict=True)
+    return {
+        (slot, table.values[v])
+        for slot, v in pairs
+        if v and slot not in DESCRIBES and not slot.startswith(SILENT)
+    }

@@ -25,8 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
-from decmcts.print.idle import Idle, Practice
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Idle, Practice
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.heads.file import FileWaits, HeadFile
 from sim.heads.walk import OWED_MM, Walk

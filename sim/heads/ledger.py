@@ -42,8 +42,7 @@ from sim.files.ledger import (
 )
 from sim.files.unretracted import Spans, Ways, farther_unretracted
 from sim.heads.changes import NO_GAP, gaps_of_tools
-from sim.heads.file import HeadFile
-from sim.heads.laid import ContourMoves
+from sim.heads.file import ContourMoves, HeadFile
 
 UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
 # that may move filament unseen, or after which it is another tool's

@@ -17,8 +17,8 @@ import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import OwnStart
-from decmcts.print.idle import Idle
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob, ProcessSettings
+from decmcts.print.machine import Idle
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.arrays import Floats
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
@@ -27,13 +27,19 @@ from sim.faults import Fault, FaultKind, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.extent import check_filament_feeds
 from sim.files.written import check_line_numbers, moves_of
-from sim.heads.file import HeadFile, begin_of_verbatim, own_commands
+from sim.heads.file import (
+    SAME_MM,
+    HeadFile,
+    Settings,
+    begin_of_verbatim,
+    differing,
+    kept_settings,
+    own_commands,
+)
 from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idling, check_idle
-from sim.heads.laid import SAME_MM
 from sim.heads.ledger import behind, belongs_to_bead
 from sim.heads.order import FileParts, last_points
-from sim.heads.states import Settings, differing, kept_settings
 from sim.heads.walk import OWED_MM, Walk, Walker
 
 Point = tuple[float, float, float]

@@ -37,12 +37,11 @@ from sim.content.inventory import (
     move_segments,
 )
 from sim.content.laid import ROUNDING_MM, lying
-from sim.content.legs import legs_of
+from sim.content.paths import legs_of
 from sim.content.same_print import check_print
 from sim.content.seams import job_with, seams_of_paths
 from sim.faults import Fault
-from sim.heads.file import HeadFile, axis_moves
-from sim.heads.laid import SAME_MM
+from sim.heads.file import SAME_MM, HeadFile, axis_moves
 from sim.heads.sync import Knowledge
 from sim.replay.execution import execute
 from sim.replay.least import least_arrivals

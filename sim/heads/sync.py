@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from decmcts.formats.gcode.text.lines import command_of
-from decmcts.print.sync_words import FIELDS, SyncWords
+from decmcts.print.machine import FIELDS, SyncWords
 
 _PROBES = {name: 987_654_001 + k for k, name in enumerate(FIELDS)}  # as no word has them
 FILES = 1000  # more than a machine has heads

@@ -21,9 +21,8 @@ from decmcts.print.machine import Body, Head, Machine
 from decmcts.print.plan import NO_CONTOUR, PlanDocument
 from sim.arrays import Flags, Floats
 from sim.faults import LIMIT, Fault, FaultKind, Verdict
-from sim.replay.collision import Solid
 from sim.replay.material import find_contacts, place_of
-from sim.replay.shapes import as_material, beads_there, parts_of, separations_between
+from sim.replay.shapes import Solid, as_material, beads_there, parts_of, separations_between
 
 ROUNDED_MM = 1.1e-3  # files have three decimals
 _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to its park[ \t]*\r?$", re.M)

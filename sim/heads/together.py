@@ -2,24 +2,28 @@
 
 Each file is read back and judged by itself (`sim.heads.one_file`). The sync points of all files
 together must order what the plan orders (`sim.heads.order`), so a single file proves nothing.
+
+Whether the words of heads' files do what the files count on.
+
+Known of controllers are a few things that make a signal come early, or never; each is looked for
+in the text (docs/gcode.md has the lines of their sources).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.print.idle import Idle
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine, Release
+from decmcts.print.machine import USUAL_WORDS, Idle, Machine, Release, SyncWords
 from decmcts.print.plan import JointPlan
-from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.faults import Fault, FaultKind, Verdict, listed
-from sim.files.command_book import check_heads_book
+from sim.files.commands import check_heads_book
 from sim.files.settings import TravelSettings, settings_of, travelling
 from sim.files.written import moves_of, source_text, travels_of
 from sim.heads.changes import check_hot_ends
@@ -28,7 +32,6 @@ from sim.heads.ledger import Printed, check_filament, dues_of
 from sim.heads.one_file import Walked, walk_file
 from sim.heads.order import Intervals, check_order, check_sync
 from sim.heads.sync import Knowledge
-from sim.heads.words import check_words
 
 Point = tuple[float, float, float]
 
@@ -188,3 +191,43 @@ def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
                 f"should be for head {actions.head}, file {k + 1} of {len(files)}"
             )
     return listed(FaultKind.COMMAND, lines)
+
+
+_STOPS = re.compile(r"(M400|G0*4|M0|M1|M25|M226|M577|M598|PAUSE|TEMPERATURE_WAIT)\b", re.I)
+WHEN_READ = re.compile(r"(M11[78]|M98|RESPOND|RUN_SHELL_COMMAND)\b|.*action_", re.I)
+_RESUMED = re.compile(r"(M0|M1|M25|M601|PAUSE)\b", re.I)
+SYSTEMS = re.compile(r"\s*(M59[678]|M606)\b", re.I)
+M42 = re.compile(r"\s*M42\b(.*)", re.I)
+
+
+def check_words(words: SyncWords, release: Release) -> list[Fault]:
+    """Check the lines of the files themselves."""
+    lines = list(_of_wait(words))
+    lines += list(_of_passed(words.passed)) if release == "point" else []
+    return listed(FaultKind.COMMAND, lines)
+
+
+def _of_wait(words: SyncWords) -> Iterator[str]:
+    if _RESUMED.match(words.wait):
+        yield f"'{words.wait}': what resumes before the pause is dropped, so the head never goes on"
+    if SYSTEMS.match(words.wait):
+        yield f"'{words.wait}' is for motion systems of one board, files are for one each"
+
+
+def _of_passed(line: str) -> Iterator[str]:
+    """Yield what keeps a line from being a signal in step with the moves."""
+    if _STOPS.match(line):
+        yield f"'{line}' stops the head, so it is no signal in motion"
+    if WHEN_READ.match(line):
+        yield f"'{line}' runs when it is read, before the moves above it have ended"
+    if not {"{number}", "{count}", "{level}"} & set(re.findall(r"\{\w+\}", line)):
+        yield f"'{line}' is the same for every signal, so nothing changes"
+    if match := M42.match(line):
+        yield from of_m42(match[1])
+
+
+def of_m42(rest: str) -> Iterator[str]:
+    """Yield what keeps M42 out of RepRapFirmware's queue of moves."""
+    for word in rest.split():
+        if not re.fullmatch(r"[PFQ]\d+|S(\d+(\.\d+)?|\{level\})", word, re.I):
+            yield f"M42 with '{word}', which is no literal value, is not queued with the moves"

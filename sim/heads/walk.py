@@ -17,14 +17,22 @@ from functools import cache, partial
 import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.print.idle import Practice
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
+from decmcts.print.machine import Practice
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
-from sim.heads.file import HeadFile
-from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, ContourMoves, pairs_of_states
-from sim.heads.states import Settings, in_force, words_of
+from sim.heads.file import (
+    E_MM,
+    FEED_MM_S,
+    SAME_MM,
+    ContourMoves,
+    HeadFile,
+    Settings,
+    in_force,
+    pairs_of_states,
+    words_of,
+)
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01

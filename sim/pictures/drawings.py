@@ -3,20 +3,29 @@
 Three questions are answered on one sheet. Which travels of a layer are gone, and which are new?
 In which layers is travel saved? Of several heads: what does each print, and when does it
 print, travel or wait? Only drawing lives here; nothing is judged.
+
+Where each head's beads lie, as grids to draw: of any print, however large.
+
+Only counting lives here; nothing is judged.
+
+Where everything stands on a picture of a plan, by the shape of the print.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from scipy.ndimage import maximum_filter
 
 from decmcts.print.metrics import compared_order
-from decmcts.print.plan import ActionKind, PlanDocument
-from sim.arrays import Floats
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.arrays import Floats, Ints
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
 from sim.pictures.layer_travels import by_layer, layers_of, most_changed, require_layer, travels_of
@@ -28,8 +37,6 @@ from sim.pictures.layer_view import (
     draw_pieces,
     legend_of,
 )
-from sim.pictures.shares import bead_grids, striped
-from sim.pictures.sheet import ENTRIES, Sheet, sheet_of
 
 NAMED = 3  # heads whose shares have room in a title
 
@@ -196,3 +203,163 @@ def _who(after: PlanDocument) -> str:
         return f"{len(printing)} heads, each {least:.0f} to {most:.0f} % of the printing"
     parts = zip(after.plan.heads, printing, strict=True)
     return ", ".join(f"{h.head} {100 * p / total:.0f} %" for h, p in parts) + " of the printing"
+
+
+CELLS = 700  # along the longer side
+STRIPES = 16  # cells, of all heads' stripes together
+CHUNK = 2_000_000  # samples at a time
+LEAST_MM = 1e-3  # of a segment: dots go nowhere, and are seen all the same
+
+
+def bead_grids(
+    document: PlanDocument, axes: tuple[int, int], extent: Floats, *, cells: int = CELLS
+) -> Floats:
+    """Return how much bead of each head lies in each cell, (heads, rows, columns) mm.
+
+    `axes` are the coordinates across and up; `extent` is the box looked at, (2, 3). Each bead
+    is as wide as it is, seen from above. From the side it fills the layer below the nozzle.
+    """
+    low, high = extent[:, list(axes)]
+    size = (high - low) / cells if axes[1] == 2 else np.full(2, float((high - low).max() / cells))
+    if axes[1] == 2:  # as many rows as layers can be told apart in
+        size[1] = max(float(high[1] - low[1]) / 200.0, 1e-6)
+    shape = np.maximum(1, np.ceil((high - low) / size)).astype(np.int64)
+    wide = float(np.median(document.contours.width)) if len(document.contours) else 0.4
+    tall = float(np.median(document.contours.height)) if len(document.contours) else 0.2
+    reach = (wide, tall if axes[1] == 2 else wide)
+    grids = []
+    for actions in document.plan.heads:
+        grid = _samples(actions, axes, low, size, shape, drop=tall / 2 if axes[1] == 2 else 0.0)
+        around = [int(np.ceil(part / cell)) + 1 for part, cell in zip(reach, size, strict=True)]
+        grids.append(maximum_filter(grid, size=(around[1], around[0]), mode="constant"))
+    return np.array(grids).reshape(-1, shape[1], shape[0])
+
+
+def _samples(
+    actions: HeadActions,
+    axes: tuple[int, int],
+    low: Floats,
+    size: Floats,
+    shape: Ints,
+    *,
+    drop: float,
+) -> Floats:
+    """Return the length of a head's printing in each cell, (rows, columns) mm."""
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    rows = np.flatnonzero((owner[1:] == owner[:-1]) & (actions.kind[owner[1:]] == ActionKind.PRINT))
+    flat = actions.path[:, list(axes)]
+    a, b = flat[rows], flat[rows + 1]
+    length = np.linalg.norm(actions.path[rows + 1] - actions.path[rows], axis=1)
+    length = np.maximum(length, LEAST_MM)
+    count = np.maximum(1, np.ceil(np.abs((b - a) / size).max(axis=1, initial=0.0))).astype(np.int64)
+    grid = np.zeros(int(shape.prod()))
+    ends = np.cumsum(count)
+    cuts = np.searchsorted(ends, np.arange(CHUNK, int(ends[-1]) if len(ends) else 0, CHUNK))
+    for part in np.split(np.arange(len(rows)), cuts):
+        which = np.repeat(part, count[part])
+        within = np.arange(len(which)) - np.repeat(
+            np.cumsum(count[part]) - count[part], count[part]
+        )
+        share = (within + 0.5) / count[which]
+        at = a[which] + share[:, None] * (b - a)[which]
+        at[:, 1] -= drop
+        cell = ((at - low) / size).astype(np.int64)
+        sound = ((cell >= 0) & (cell < shape)).all(axis=1)
+        number = cell[sound, 1] * shape[0] + cell[sound, 0]
+        grid += np.bincount(number, (length / count)[which[sound]], len(grid))
+    return grid.reshape(shape[1], shape[0])
+
+
+def striped(grids: Floats, colours: list[str]) -> Floats:
+    """Return the picture of grids, RGBA: cells of several heads are striped by their shares.
+
+    So each colour in it is that of one head, however many heads have printed there.
+    """
+    total = grids.sum(axis=0)
+    share = grids / np.maximum(total, 1e-12)
+    rows, columns = np.indices(total.shape)
+    phase = (rows + columns) % STRIPES / STRIPES + 0.5 / STRIPES
+    head = (phase >= np.cumsum(share, axis=0)[:-1]).sum(axis=0)
+    rgb = np.array([to_rgb(colour) for colour in colours])[head]
+    return np.concatenate([rgb, (total > 0.0)[..., None].astype(np.float64)], axis=2)
+
+
+FigureBox = tuple[float, float, float, float]  # left, bottom, width, height in parts of the figure
+
+VIEW_IN = 4.6  # of a view: the longer side, inches
+SHAPES = 0.5, 1.35  # of a view: least and largest height over width
+LEFT, RIGHT, GAP = 0.75, 0.3, 0.35
+ROWS = 1.05  # left of the chart of heads
+HEAD, TITLE, UNDER = 0.75, 0.5, 0.55  # above the views: title, own titles; below: axis
+LEGEND, CHART, CHART_GAP = 0.4, 1.35, 0.5
+ENTRIES, ENTRY_ROW = 7, 0.17  # of the legend in a row, and the height of a further row
+ROW_IN, TIMES_HEAD = 0.42, 0.75  # of the chart of heads: a head, and what stands around them
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """Sizes and places."""
+
+    size: tuple[float, float]  # inches
+    extent: Floats  # (2, 3) mm: the box that views show
+    views: tuple[FigureBox, ...]
+    chart: FigureBox
+    side: FigureBox
+    times: FigureBox
+    legend: float  # its top, in parts of the height
+
+    @property
+    def left(self) -> float:
+        """Where titles begin, in parts of the width."""
+        return LEFT / self.size[0]
+
+    @property
+    def inch_a_mm(self) -> float:
+        """The scale of the views."""
+        across = float(self.extent[1, 0] - self.extent[0, 0])
+        return self.views[0][2] * self.size[0] / across
+
+    def top(self, below_in: float) -> float:
+        """Return the height of what stands so far below the top, in parts."""
+        return 1.0 - below_in / self.size[1]
+
+
+def sheet_of(extent: Floats, heads: int) -> Sheet:
+    """Return the sheet for a print in this box, for one head or several."""
+    extent = _shaped(extent)
+    across, up = (extent[1] - extent[0])[:2].tolist()
+    scale = min(VIEW_IN / across, VIEW_IN / up)
+    w, h = scale * across, scale * up
+    columns = 3 if heads > 1 else 2
+    width = LEFT + columns * w + (columns - 1) * GAP + RIGHT
+    times = TIMES_HEAD + ROW_IN * heads + 0.1 if heads > 1 else 0.0
+    rows = -(-(2 * heads + 3) // ENTRIES)
+    below = LEGEND + ENTRY_ROW * (rows - 1) + CHART + CHART_GAP + times
+    height = HEAD + TITLE + h + UNDER + below + 0.1
+    size = (width, height)
+
+    def place(x: float, y: float, wide: float, high: float) -> FigureBox:
+        return x / width, y / height, wide / width, high / height
+
+    foot = 0.1 + below + UNDER
+    views = tuple(place(LEFT + k * (w + GAP), foot, w, h) for k in range(columns))
+    chart_y = 0.1 + times + CHART_GAP
+    third = LEFT + 2 * (w + GAP)
+    return Sheet(
+        size, extent, views,
+        place(LEFT, chart_y, 2 * w + GAP - (0.25 if heads > 1 else 0.0), CHART - 0.25),
+        place(third, chart_y, w, CHART - 0.25),
+        place(ROWS, CHART_GAP, width - ROWS - RIGHT, ROW_IN * heads),
+        (0.1 + below + 0.05) / height,
+    )  # fmt: skip
+
+
+def _shaped(extent: Floats) -> Floats:
+    """Return a box that is neither too flat nor too high for a view."""
+    made = extent.astype(np.float64)
+    size = np.maximum(made[1] - made[0], 1e-6)
+    least, most = SHAPES
+    wanted = np.array([max(size[0], size[1] / most), max(size[1], least * size[0]), size[2]])
+    middle = (made[0] + made[1]) / 2
+    made[0, :2], made[1, :2] = (middle - wanted / 2)[:2], (middle + wanted / 2)[:2]
+    return made

@@ -17,8 +17,7 @@ from matplotlib.transforms import ScaledTranslation
 from decmcts.print.machine import Head, Machine, Rail
 from sim.arrays import Floats
 from sim.pictures.canvas import head_colour, save
-from sim.pictures.heads_in_row import row_of
-from sim.pictures.row_picture import draw_row_above, draw_row_beside, shortened, write_row
+from sim.pictures.row_picture import draw_row_above, draw_row_beside, row_of, shortened, write_row
 
 NEAR_MM = 110.0  # of the nozzle; larger parts are cut off at the frame
 LINES: Any = ((0, (6, 3)), (0, (2, 2)), (0, (8, 2, 2, 2)), (0, (1, 1)))

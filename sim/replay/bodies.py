@@ -18,11 +18,10 @@ import numpy as np
 from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions, PlanDocument
 from sim.arrays import Floats, Ints
-from sim.content.legs import Legs
+from sim.content.paths import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.boxes import near_in_windows
-from sim.replay.collision import Solid, Vertices, swept_vertices
-from sim.replay.shapes import parts_of, separations_between
+from sim.replay.shapes import Solid, Vertices, parts_of, separations_between, swept_vertices
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-6

@@ -4,7 +4,7 @@ The exact check of `sim.verify` already covers every timing; the replay moves
 the heads through some of them, with other logic, and counts what happens.
 Within a segment the speed is taken as uniform: the timing error tried here is
 far larger than that. Actions that others wait for midway are replayed leg by leg
-(`sim.content.legs`), and a lag counts from when its point was passed.
+(`sim.content.paths`), and a lag counts from when its point was passed.
 """
 
 from __future__ import annotations
@@ -19,13 +19,12 @@ from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats, Ints
-from sim.content.legs import Legs
+from sim.content.paths import Legs
 from sim.content.seams import laid_by
 from sim.replay.bodies import TOLERANCE_MM
-from sim.replay.collision import Solid, Vertices, swept_vertices
 from sim.replay.compiled import compiled
 from sim.replay.motion import arrival_times
-from sim.replay.shapes import parts_of, separations_between
+from sim.replay.shapes import Solid, Vertices, parts_of, separations_between, swept_vertices
 from sim.rules.order import PartialOrder
 
 SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few

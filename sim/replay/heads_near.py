@@ -5,7 +5,7 @@ rest of the other, and left wherever nothing can be nearer than the nearest pair
 one nozzle the other moves within a parallelogram, so two upright parts are as far apart as that
 is from their difference, in the plane and in height. This is exact where the height between the
 heads does not change, or does not matter since the parts always overlap in height. Else it is a
-bound, and FCL is asked (`sim.replay.collision`).
+bound, and FCL is asked (`sim.replay.shapes`).
 """
 
 from __future__ import annotations
@@ -21,14 +21,13 @@ import shapely
 from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions, PlanDocument
 from sim.arrays import Floats, Ints
-from sim.content.legs import Legs
+from sim.content.paths import Legs
 from sim.faults import Gap
 from sim.replay.bodies import Stations, action_stations, parked, rest_stations
 from sim.replay.boxes import build_tree
-from sim.replay.collision import Solid, swept_vertices
 from sim.replay.compiled import compiled
 from sim.replay.gaps import polygon_gap
-from sim.replay.shapes import Part, parts_of
+from sim.replay.shapes import Part, Solid, parts_of, swept_vertices
 from sim.rules.order import PartialOrder
 
 SAME_MM = 1e-9  # nearer by less than this is not nearer

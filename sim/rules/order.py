@@ -3,7 +3,7 @@
 Each head executes its actions in sequence, so a head is a chain. For each action one number
 per head suffices: how many of that head's actions have ended before this one begins. These
 are vector clocks. Actions that others wait for midway come here as
-legs (`sim.content.legs`). Lags only delay, so no timing is lost by leaving them out.
+legs (`sim.content.paths`). Lags only delay, so no timing is lost by leaving them out.
 
 References
 ----------

@@ -4,7 +4,7 @@ The definitions are in docs/definitions.md; a pair (a, b) of them is kept when t
 partial order has the print of a end before that of b begins. Material that would be in
 the way is not looked at here: `sim.replay.material` moves the head through what may be there,
 which finds every pair of kind GEOMETRY that matters to the head that prints. What primes the
-nozzle is `sim.rules.priming`.
+nozzle is `sim.rules.order_rules`.
 
 Barriers: all of epoch k before anything of epoch k + 1, whatever the plan's pairs say. An epoch
 ends where the source changes something that no contour may be moved across: a temperature, a tool,
@@ -62,7 +62,7 @@ class Prints:
 
 
 def prints_of(n: int, all_actions: tuple[HeadActions, ...], order: PartialOrder) -> Prints:
-    """Return where a plan prints its `n` contours; its actions are legs (`sim.content.legs`)."""
+    """Return where a plan prints its `n` contours; its actions are legs (`sim.content.paths`)."""
     head, first, last = (np.full(n, NOT_PRINTED) for _ in range(3))
     for h, actions in enumerate(all_actions):
         printing = np.nonzero(actions.kind == ActionKind.PRINT)[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agents.networks.memory import Weather
 from agents.planners.planner import AgentPlanner
-from sim.experiments.memory_team import MemoryTeam
+from decmcts.experiments.in_memory import MemoryTeam
 from tests.agents.toy import ToyPlanner
 
 

@@ -11,7 +11,7 @@ from agents.messages.codec import encode, kind_of
 from agents.messages.kinds import Distribution, Envelope, Goodbye, Proposal
 from agents.networks.memory import Weather
 from agents.networks.transport import NoNetwork, Packet
-from sim.experiments.memory_team import Recorder
+from decmcts.experiments.in_memory import Recorder
 from tests.agents.simulation import Team
 from tests.agents.toy import ToyPlanner, load_balance
 

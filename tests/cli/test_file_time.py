@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from decmcts.cli.lines import longer_line
-from decmcts.cli.summary import gain_table, plain_lines
+from decmcts.cli.lines import gain_table, longer_line, plain_lines
 from decmcts.planning.writing.file_times import is_longer
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from decmcts.cli.console import SafeConsole, harmless
 from decmcts.cli.run import run
-from decmcts.cli.terminal import SafeConsole, harmless
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import write_whole
 from decmcts.formats.files.names import as_file_name

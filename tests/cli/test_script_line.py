@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import script_line as lines
-from decmcts.cli.optional_files import completed
+from decmcts.cli import post as lines
+from decmcts.cli.commands.post import completed, own_program, script_line, wherever_it_runs
 from decmcts.cli.run import run
-from decmcts.cli.script_line import own_program, script_line, wherever_it_runs
 
 HARD = ["/my tools/it's $HOME;`x`/decmcts", "post", "--machine", 'a "b" c.toml']
 

@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from decmcts.experiments.catalogue import EXPERIMENTS
-from decmcts.experiments.kinds import Asked, Key, Row
+from decmcts.experiments.kinds import Asked, Key, Line, Row
 from decmcts.experiments.online import WAYS
-from decmcts.experiments.rows import Line
+from decmcts.experiments.run import EXPERIMENTS
 from decmcts.version import __version__
 
 LEAST = {"seconds": 0.0, "iterations": 1, "seed": 0, "version": __version__}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from decmcts.experiments.retimed import Old, retimed
+from decmcts.experiments.online import Old, retimed
 from decmcts.team.dec_mcts.warm_up import smallest_problem
 from decmcts.team.engine.plans import StatedOrder
 

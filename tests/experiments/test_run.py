@@ -12,13 +12,11 @@ import pytest
 
 from decmcts import experiment
 from decmcts.errors import InputError
-from decmcts.experiments.catalogue import EXPERIMENTS, compute
-from decmcts.experiments.cluster import cluster_at
-from decmcts.experiments.kinds import Asked
+from decmcts.experiments.kinds import Asked, Rows
+from decmcts.experiments.made_print import made_gcode
 from decmcts.experiments.prints import shown
-from decmcts.experiments.rows import Rows
+from decmcts.experiments.run import EXPERIMENTS, cluster_at, compute
 from decmcts.version import __version__
-from sim.experiments.made_print import made_gcode
 from tests.cli.test_bad_input import SQUARE, gcode
 
 MEASURED = ("cpu_s", "thought_s", "improved_s")  # what a clock says

@@ -10,10 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.feasibility.build import _build, build_graph, closure_of
+from decmcts.feasibility.build import _build, build_graph, closure_of, touching_kinds
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.feasibility.packed_head import pack_contours
-from decmcts.feasibility.touching import touching_kinds
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Contours

@@ -7,7 +7,7 @@ import pytest
 
 from decmcts.feasibility.build import closure_of
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
-from decmcts.feasibility.lead import limit_lead
+from decmcts.feasibility.rules import limit_lead
 
 NOTHING = np.empty((0, 2), np.int32)
 

@@ -10,7 +10,7 @@ import pytest
 
 from decmcts.feasibility.build import build_graph, closure_of
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
-from decmcts.feasibility.priming import prime_first
+from decmcts.feasibility.rules import prime_first
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 

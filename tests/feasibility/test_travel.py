@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_head
-from decmcts.feasibility.travel import new_height_field
-from decmcts.feasibility.travel_kernels import HeightField
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.schedule.routes_kernels import HeightField
+from decmcts.team.schedule.travels import new_height_field
 from tests.feasibility.travels import (
     deposit_contour,
     safe_travel_path,

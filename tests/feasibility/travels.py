@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.clearance_kernels import PackedHead
 from decmcts.feasibility.packed_head import pack_contours, pack_head
-from decmcts.feasibility.travel import CELL_MM, new_height_field
-from decmcts.feasibility.travel_kernels import (
+from decmcts.print.contours import Contours
+from decmcts.print.loops import enter_at
+from decmcts.print.machine import Head
+from decmcts.print.toolpath import Toolpath, endpoints, entries_by_contour
+from decmcts.team.schedule.routes_kernels import (
     EMPTY,
     HeightField,
     deposit,
     travel_height_above,
 )
-from decmcts.print.contours import Contours
-from decmcts.print.loops import enter_at
-from decmcts.print.machine import Head
-from decmcts.print.toolpath import Toolpath, endpoints, entries_by_contour
+from decmcts.team.schedule.travels import CELL_MM, new_height_field
 
 
 def deposit_contour(

@@ -10,7 +10,7 @@ import pytest
 
 from decmcts.formats.gcode.controller.limits import _ONE
 from decmcts.formats.gcode.dialects.stated_times import _COUNT
-from decmcts.print.sync_words import USUAL_WORDS, pattern_of
+from decmcts.print.machine import USUAL_WORDS, pattern_of
 from sim.heads.sync import _pattern as judges_pattern_of
 from tests.growth.attacks import attacks, representatives
 from tests.growth.found import Use, uses

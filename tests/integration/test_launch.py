@@ -17,9 +17,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from agents.launching.crew import Crew
 from agents.launching.places import Places
-from agents.launching.spawn import Agreement, run_agents
+from agents.launching.spawn import Agreement, Crew, run_agents
 from agents.launching.status import AgentStatus, LaunchError
 from agents.messages.codec import MAX_MESSAGE_BYTES
 from agents.messages.keys import Keys
@@ -349,7 +348,7 @@ def test_agents_do_not_outlive_a_killed_launcher(monkeypatch: pytest.MonkeyPatch
 
 def test_agents_that_wait_do_not_outlive_a_killed_launcher() -> None:
     """They are importing then, and look at no pipe of their own accord."""
-    script = "from agents.launching.crew import Crew; import time\n"
+    script = "from agents.launching.spawn import Crew; import time\n"
     script += "with Crew(2) as crew:\n"
     script += "    print(*(a.pid for a in crew.agents.values()), flush=True)\n    time.sleep(60)"
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as process:

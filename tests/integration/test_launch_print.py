@@ -11,8 +11,7 @@ import pytest
 
 from agents.launch import LaunchResult, launch
 from agents.launching.status import AgentStatus
-from agents.planners.pack import Pack
-from agents.planners.source import load_source
+from agents.planners.pack import Pack, load_source
 from decmcts.samples import sample_path
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.problem import build_team_problem

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from sim.experiments.made_print import made_gcode
+from decmcts.experiments.made_print import made_gcode
 from tests.formats.gcode.text.packed import gcode_3mf
 from tests.makers.scarf import scarf_gcode
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decmcts.jit.borrowing import borrows
 from decmcts.jit.kernel import Kernel
+from decmcts.jit.library import borrows
 from decmcts.jit.store import Store
 
 

@@ -79,7 +79,7 @@ def test_a_second_kernel_takes_the_code_from_the_store(tmp_path: Path) -> None:
 
 TWICE = """
 import numpy as np
-from decmcts.search.sequence.tour_kernels import respects
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.jit.kernel import reported_to
 with reported_to(print):
     assert respects(np.arange(3, dtype=np.int32), np.array([0, 1, 1, 1]), np.array([1], np.int32))

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.jit import store as stores
-from decmcts.jit.store import Store, cache_home
-from decmcts.jit.trust import is_ours, only_ours_beneath
+from decmcts.jit.store import Store, cache_home, is_ours, only_ours_beneath
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no such modes there")
 KEY = ("some.kernel", "int64")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from sim.experiments.made_print import LAYER_MM, bead, square
+from decmcts.experiments.made_print import LAYER_MM, bead, square
 
 FIRST, HOT, STANDBY = (215, 220), (205, 210), (150, 155)  # degrees, of T0 and T1
 PULL_MM, EXTRA_MM = 10.0, (0.1, 0.15)

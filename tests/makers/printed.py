@@ -10,7 +10,7 @@ import numpy as np
 from decmcts.planning.running.recorded import Carried
 from decmcts.print.contours import Contours, joined, taken
 from sim.content.inventory import NO_MATCH, contour_segments
-from sim.content.spans import extruded_by, lies_on, reached_before
+from sim.content.rest import extruded_by, lies_on, reached_before
 
 
 def printed_twice(plans: Sequence[Carried]) -> int:

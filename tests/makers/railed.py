@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.experiments.made_print import made_gcode
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Limits, Rules
@@ -24,12 +24,10 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, state_of_events
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule
-from sim.controllers.events import events_of
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.nearness import Course, Near, course_of, nearness, positions
-from sim.controllers.simulate import simulate
+from sim.controllers.simulate import events_of, simulate
 from sim.controllers.timing import no_error
-from sim.experiments.made_print import made_gcode
 
 PARK_MM = 0.3  # lower than the print, so that heads must go over it
 FEED = 100.0  # mm/s of what is replayed

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from sim.experiments.made_print import LAYER_MM, Point, segments
+from decmcts.experiments.made_print import LAYER_MM, Point, segments
 
 MIDDLE = (150.0, 150.0)
 BAND_MM = 20.0  # depth of the zigzag

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from sim.experiments.made_print import END, LAYERS, START, layer_start, segments, square
+from decmcts.experiments.made_print import END, LAYERS, START, layer_start, segments, square
 
 
 def made_tools_gcode(*, macro: bool = True) -> str:

@@ -23,7 +23,7 @@ from decmcts.planning.result import Result
 from decmcts.planning.simulate import USUAL_HEADS, simulate
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.print_events import EventKind
-from sim.controllers.events import events_of
+from sim.controllers.simulate import events_of
 from sim.controllers.timing import Timing
 from sim.faults import FaultKind
 from sim.verify import verify_plan

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts.print.idle import Idle
+from decmcts.print.machine import Idle
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.stands import SAFE, Stand, primed_before, standby_in, stands_of
 

@@ -17,10 +17,10 @@ from decmcts.search.decomposition.descent_kernels import descend
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.entries_kernels import choose_visits, slide_entries, visits_cost
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import random_problem, sliced_tour, tour_cost
 
 

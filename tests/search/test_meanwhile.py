@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from decmcts.search.meanwhile import Meanwhile
-from decmcts.search.planners import PLANNERS, keeps_lags, plan_order
+from decmcts.search.planners import PLANNERS, Meanwhile, keeps_lags, plan_order
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.planners import PLANNERS, SearchResult, plan_order
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import random_problem
 
 

@@ -19,8 +19,7 @@ from decmcts.print.plan import (
     JointPlan,
     PlanDocument,
 )
-from sim.content.legs import legs_of
-from sim.content.paths import check_structure
+from sim.content.paths import check_structure, legs_of
 from sim.replay.execution import arrivals_of, execute
 from sim.rules.order import PartialOrder, order_of
 

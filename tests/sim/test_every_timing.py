@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
-from sim.content.legs import legs_of
+from sim.content.paths import legs_of
 from sim.replay.bodies import check_heads, check_rail
 from sim.rules.order import PartialOrder, order_of
 from sim.verify import all_actions_of

@@ -11,9 +11,9 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
+from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.verifying.judge import digest_of
-from sim.experiments.made_print import made_gcode
 from sim.faults import FaultKind
 from sim.verify import verify_plan
 from tests.mutants.catalogue import NotHereError

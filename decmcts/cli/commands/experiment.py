@@ -11,8 +11,7 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import out, steps
-from decmcts.experiments.catalogue import EXPERIMENTS
-from decmcts.experiments.cluster import cluster_at
+from decmcts.experiments.run import EXPERIMENTS, cluster_at
 from decmcts.experiments.run import experiment as run_experiment
 
 

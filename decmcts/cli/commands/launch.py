@@ -15,10 +15,9 @@ from decmcts.cli.app import app
 from decmcts.cli.commands.plan import ONLY_SHOWN, titled, write_extras
 from decmcts.cli.commands.replay import heads_table, recording
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.lines import figures, searched_line, team_lines
+from decmcts.cli.lines import figures, gain_table, searched_line, team_lines
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
-from decmcts.cli.summary import gain_table
 from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import is_qcsp
 from decmcts.formats.machines.machine_file import load_machine
@@ -124,10 +123,10 @@ def launch(
 ) -> None:
     """Plan for several heads: one process each, agreeing on one joint plan; or solve a QCSP."""
     if is_qcsp(source):
-        from decmcts.cli.commands import qcsp  # its search loads for those who ask
+        from decmcts.cli.commands import bare  # its search loads for those who ask
 
-        qcsp.refuse_for_qcsp(context)
-        qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        bare.refuse_for_qcsp(context)
+        bare.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     rules = opt.rules_of(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead,

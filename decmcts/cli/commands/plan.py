@@ -11,18 +11,17 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.console import SafeConsole, err, out, print_json, steps, written
 from decmcts.cli.lines import (
     bound_line,
     changes_line,
     figures,
+    gain_table,
     searched_line,
     whole_file_line,
 )
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
-from decmcts.cli.summary import gain_table
-from decmcts.cli.terminal import SafeConsole
 from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
 from decmcts.formats.gcode.text.source_text import save_text
@@ -106,10 +105,10 @@ def plan(
 ) -> None:
     """Find a better order for one head and write it, verified; or solve a bare SOP."""
     if is_sop(source):
-        from decmcts.cli.commands import sop  # its search loads for those who ask
+        from decmcts.cli.commands import bare  # its search loads for those who ask
 
-        sop.refuse_for_sop(context)
-        sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        bare.refuse_for_sop(context)
+        bare.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_for_gcode(context, source)
     edits = not is_mesh(source)

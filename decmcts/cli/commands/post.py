@@ -2,25 +2,37 @@
 
 Any error leaves the file untouched and the exit code non-zero, so that the
 slicer aborts its export (PrusaSlicer, OrcaSlicer).
+
+Options whose file may be left out: `--report` alone, or `--report FILE`.
+
+A slicer puts the file it hands over behind the words of its script. So what follows such an
+option is its file only if it is named like one.
+
+The line that has a slicer call this program: its full path, quoted as the system needs it.
+
+PrusaSlicer and its kin hand the line to a shell, on Windows to the system. There the program is
+looked for under the name that stands first, so its whole path with `.exe` has to be there.
 """
 
 from __future__ import annotations
 
 import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.commands.plan import run_single, show_notes, write_extras
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.lines import figures, searched_line, whole_file_line
-from decmcts.cli.optional_files import BESIDE, OptionalFiles, words_of
-from decmcts.cli.script_line import WHERE, own_program, script_line, wherever_it_runs
+from decmcts.cli.lines import figures, plain_lines, searched_line, whole_file_line
 from decmcts.cli.signals import interrupt_stops
-from decmcts.cli.summary import plain_lines
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_header import AsSliced, as_sliced
@@ -34,10 +46,47 @@ from decmcts.planning.options import (
     ProcessOrder,
     Search,
 )
-from decmcts.planning.problem.exported import beside, exported_file, is_foreign
+from decmcts.planning.problem.source import beside, exported_file, is_foreign
 from decmcts.planning.result import Written
 from decmcts.planning.writing.lines import layers_line
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place, refuse_unwritable
+
+BESIDE = Path("beside")  # no name such an option takes: its file stands next to the exported one
+ENDINGS = {"--report": (".html", ".htm"), "--picture": (".png", ".svg")}
+
+
+def completed(arguments: Sequence[str]) -> list[str]:
+    """Return arguments in which each such option has a file.
+
+    Examples
+    --------
+    >>> completed(["--report", "part.gcode", "--picture", "p.png"])
+    ['--report', 'beside', 'part.gcode', '--picture', 'p.png']
+    """
+    made = list[str]()
+    for k, word in enumerate(arguments):
+        made.append(word)
+        if word == "--":
+            return [*made, *arguments[k + 1 :]]
+        following = arguments[k + 1] if k + 1 < len(arguments) else ""
+        if word in ENDINGS and not following.lower().endswith(ENDINGS[word]):
+            made.append(str(BESIDE))
+    return made
+
+
+class OptionalFiles(TyperCommand):
+    """A command with such options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments once each of these options has a file; keep them as they came."""
+        ctx.meta[__name__] = list(args)
+        return super().parse_args(ctx, completed(args))
+
+
+def words_of(context: typer.Context) -> list[str]:
+    """Return the arguments of such a command as they were given."""
+    return list(context.meta.get(__name__, ()))
+
 
 BESIDE_WORDS = "; without FILE next to the exported G-code"
 
@@ -178,3 +227,57 @@ def show_rewritten(
         ]
     lines += [searched_line(after) if verbose else None, *(f"wrote {view}" for view in views)]
     out.show(*lines)
+
+
+FILE_OPTIONS = ("--machine", "--report", "--picture")
+WHERE = (
+    "PrusaSlicer, SuperSlicer: Print Settings > Output options > Post-processing scripts",
+    "OrcaSlicer, Bambu Studio: process settings > Others > Post-processing Scripts",
+    "(in the slicer's expert or advanced mode; one script a line)",
+)
+
+
+def script_line(program: Sequence[str], words: Sequence[str], *, windows: bool) -> str:
+    r"""Return a program and its arguments as one line for a slicer.
+
+    Examples
+    --------
+    >>> script_line(["/my tools/decmcts"], ["post"], windows=False)
+    "'/my tools/decmcts' post"
+    >>> print(script_line([r"C:\my tools\decmcts.exe"], ["post"], windows=True))
+    "C:\my tools\decmcts.exe" post
+    """
+    line = [*program, *words]
+    return subprocess.list2cmdline(line) if windows else shlex.join(line)
+
+
+def own_program() -> list[str]:
+    """Return how this program is started from anywhere: the script of its environment, or Python.
+
+    A link in a folder on the path is not used: it may go, and its target stays.
+    """
+    name = "decmcts.exe" if os.name == "nt" else "decmcts"
+    for script in (Path(sys.executable).parent / name, Path(sys.argv[0])):
+        if script.name in (name, "decmcts") and script.is_file() and os.access(script, os.X_OK):
+            return [str(script.absolute())]
+    return [sys.executable, "-P", "-m", "decmcts.cli"]
+
+
+def wherever_it_runs(words: Sequence[str]) -> list[str]:
+    """Return arguments that mean the same in every folder: files that are there, in full."""
+    made, before = list[str](), ""
+    for word in words:
+        name, equals, value = word.partition("=")
+        if equals and name in FILE_OPTIONS:
+            made.append(f"{name}={_whole(name, value)}")
+        else:
+            made.append(_whole(before, word) if before in FILE_OPTIONS else word)
+        before = word
+    return made
+
+
+def _whole(option: str, value: str) -> str:
+    """Return a file's name in full; of a machine only if it is a file."""
+    path = Path(value)
+    named = option != "--machine" and path.suffix.lower() in (".html", ".htm", ".png", ".svg")
+    return str(path.absolute()) if named or path.is_file() else value

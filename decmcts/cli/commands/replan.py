@@ -25,8 +25,7 @@ from decmcts.planning.events import Step
 from decmcts.planning.options import Cut, Limits
 from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.read import read
-from decmcts.planning.replanning.fenced import fenced_places, late_heads
-from decmcts.planning.replanning.other_tools import other_tools, refuse_unfit
+from decmcts.planning.replanning.fenced import fenced_places, late_heads, other_tools, refuse_unfit
 from decmcts.planning.replanning.park_files import park_paths, refuse_earlier
 from decmcts.planning.replanning.replan import Rest, rest_of, search_of
 from decmcts.planning.replanning.replan import replan as plan_rest

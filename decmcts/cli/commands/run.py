@@ -26,7 +26,7 @@ from decmcts.planning.events import Event, Note, Report, Step
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.source import Source
 from decmcts.planning.read import read
-from decmcts.planning.replanning.other_tools import differences, other_tools
+from decmcts.planning.replanning.fenced import differences, other_tools
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.keeping import Keeping, refuse_earlier
 from decmcts.planning.running.options import Failure, RunOptions, RunView, Show

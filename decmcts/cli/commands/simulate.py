@@ -28,10 +28,9 @@ from decmcts.planning.writing.places import (
     refuse_unwritable,
 )
 from decmcts.print.figures import clock_time
-from sim.controllers.events import events_of
 from sim.controllers.motion import QUEUE
 from sim.controllers.print_contacts import PrintContact
-from sim.controllers.simulate import Simulation, Trial
+from sim.controllers.simulate import Simulation, Trial, events_of
 from sim.controllers.timing import Timing
 
 TimingOption = Annotated[

@@ -28,8 +28,7 @@ from decmcts.formats.files.bounds import LARGEST_MM, LAST_TOOL
 from decmcts.formats.files.fields import Fields, fail, points, shown
 from decmcts.formats.heads.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.heads.clearances import TALLEST_NOZZLE_MM, clearance_head
-from decmcts.print.idle import Idle
-from decmcts.print.machine import Body, Head, MotionLimits, Slice
+from decmcts.print.machine import Body, Head, Idle, MotionLimits, Slice
 
 _UNREACHED = 1e6  # the types' "no limit"
 _HEAD_KEYS = (

@@ -23,8 +23,7 @@ from decmcts.formats.heads.head_dict import (
     limits_from,
     limits_to_dict,
 )
-from decmcts.print.machine import Body, Machine, MotionLimits, Rail, Release
-from decmcts.print.sync_words import USUAL_WORDS, SyncWords
+from decmcts.print.machine import USUAL_WORDS, Body, Machine, MotionLimits, Rail, Release, SyncWords
 
 _LONGEST_NAME = 200
 _RELEASES = ("point", "action")

@@ -1,25 +1,102 @@
 """Machines by preset name, from TOML files and from PrusaSlicer's head geometries.
 
 What the keys mean and what is refused lives in `machine_dict`.
+
+Presets `rail-3` to `rail-8`: as many heads like those of `dual-gantry` along one rail.
+
+    parked            over the bed           parked
+    [1] [2] [3] |   0 ........... W   |  [4] [5]        (rail-5)
+
+The bed is 150 mm long a head, 300 at least. The heads park beyond its two ends, one
+behind the other as near as the rail lets them.
+
+Head shapes from PrusaSlicer's own file of printer geometries.
+
+The file (resources/data/printer_gantries/geometries.json of PrusaSlicer 2.9)
+lists for each printer model slices of what moves above the print: 'convex'
+outlines and 'box' outlines, in mm relative to the nozzle, heights above the
+tip. It holds neither bed nor motion limits.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
+from dataclasses import replace
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from decmcts.arguments import checked
 from decmcts.errors import InputError
+from decmcts.formats.files.fields import Fields, fail, shown
 from decmcts.formats.files.reading import parse_toml, read_bytes, read_json
+from decmcts.formats.heads.clearances import UNKNOWN_BED_MM
 from decmcts.formats.machines.machine_dict import machine_from_dict
-from decmcts.formats.machines.prusa_geometries import machine_from_geometries
-from decmcts.formats.machines.rail_family import SIZES, rail_machine
 from decmcts.formats.machines.slicer_profile import machine_from_ini, machine_from_json
 from decmcts.formats.slicers.known import together
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Head, Machine, Rail
+
+SIZES = range(3, 9)
+_BED_A_HEAD_MM, _SHORTEST_BED_MM = 150.0, 300.0
+_SLACK_MM = 5.0  # of reach: a head at its end of the bed does not touch the limit of the rail
+
+
+def rail_machine(pair: Machine, heads: int, length_mm: float | None = None) -> Machine:
+    """Return a machine of `heads` heads shaped like those of `pair`, two heads on a rail.
+
+    Parameters
+    ----------
+    pair : Machine
+        Its first head parks left of its bed, its second as far right of it.
+    heads : int
+        How many.
+    length_mm : float | None
+        Of the bed; None: as the presets'.
+    """
+    (rail,) = pair.rails
+    length = length_mm or max(_SHORTEST_BED_MM, _BED_A_HEAD_MM * heads)
+    placed = [_head(pair, k, heads, length) for k in range(heads)]
+    return replace(
+        pair,
+        name=f"rail-{heads}",
+        bed_max=(length, pair.bed_max[1]),
+        heads=tuple(placed),
+        rails=(Rail(rail.axis, tuple(head.name for head in placed), rail.separation_mm),),
+        source=f"{heads} heads of {pair.name} along one rail; {pair.name}: {pair.source}",
+    )
+
+
+def _head(pair: Machine, k: int, heads: int, length: float) -> Head:
+    """Return head k, counted from the left.
+
+    It reaches as far as the heads beyond it leave room for, pushed together up to the
+    nearest park on the other side.
+    """
+    first, last = pair.heads
+    step = pair.rails[0].separation_mm
+    left = (heads + 1) // 2  # so many park left of the bed
+    beyond = last.park[0] - pair.bed_max[0]  # from the end of the bed to the nearest park
+    low, high = 0.0, length
+    if k < left:
+        x = first.park[0] - step * (left - 1 - k)
+        high = min(high, length + beyond - step * (left - k) - _SLACK_MM)
+    else:
+        x = length + beyond + step * (k - left)
+        low = max(low, first.park[0] + step * (k - left + 1) + _SLACK_MM)
+    return replace(
+        first,
+        name=f"head-{k + 1}",
+        park=(x, *first.park[1:]),
+        reach_min=(low, *first.reach_min[1:]),
+        reach_max=(high, *first.reach_max[1:]),
+    )
+
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
 _INI = re.compile(r"^(?P<file>.+\.ini)(:(?P<name>[^/\\]+))?$", re.IGNORECASE)
@@ -116,3 +193,108 @@ def _from_geometries(path: Path, name: str) -> Machine:
     """Join shapes of PrusaSlicer's file with the bed of our preset of that name, if any."""
     preset = load_machine(name.lower()) if name.lower() in preset_names() else None
     return machine_from_geometries(path, name, like=preset)
+
+
+_KIND = "file of printer geometries"
+_KINDS = ("convex", "box")
+_PLAIN = re.compile(r"(?:[\w-]|\.\*?|\(\?[!=]\w*+\))*+")  # other patterns may take for ever
+_MOST_RUNS = 3
+
+
+def machine_from_geometries(path: Path, name: str, *, like: Machine | None = None) -> Machine:
+    """Return the printer of PrusaSlicer's file whose model matches `name`.
+
+    Parameters
+    ----------
+    path : Path
+        The JSON file.
+    name : str
+        A printer model, e.g. ``MK4S``; any case.
+    like : Machine | None
+        Where bed and limits come from, if it has one head; the file has none.
+
+    Raises
+    ------
+    InputError
+        For an unreadable file, an unknown model, or shapes that are not convex.
+    """
+    entry = _find(Fields(read_json(path, _KIND), "", path).tables("printers"), name)
+    described = {
+        "name": name.lower(),
+        "source": f"PrusaSlicer printer geometries, {path.name}, {name.upper()}",
+        "bed": {"min": [-UNKNOWN_BED_MM] * 2, "max": [UNKNOWN_BED_MM] * 2},
+        "heads": [{"name": "head", "slices": _slices(entry)}],
+    }
+    machine = machine_from_dict(described, path=path)
+    if like is None or len(like.heads) > 1:
+        return machine
+    head = replace(machine.heads[0], park=like.heads[0].park)
+    return replace(
+        machine, bed_min=like.bed_min, bed_max=like.bed_max, limits=like.limits, heads=(head,)
+    )
+
+
+def _find(printers: list[Fields], name: str) -> Fields:
+    """Return the first printer whose notes pattern matches the model, as PrusaSlicer does."""
+    notes = (f"PRINTER_MODEL_{name.upper()}", f"SEQ_ARRANGE_MODEL_{name.upper()}")
+    for printer in printers:
+        pattern = printer.text("printer_notes_regex")
+        if not _PLAIN.fullmatch(pattern) or pattern.count("*") > _MOST_RUNS:
+            printer.fail(
+                "printer_notes_regex",
+                f"{shown(pattern)} is no plain pattern",
+                f"it is made of words, at most {_MOST_RUNS} times .* and (?!WORD)",
+            )
+        if any(re.search(pattern, note) for note in notes):
+            return printer
+    models = [_model_of(printer.text("printer_notes_regex")) for printer in printers]
+    path = printers[0].path if printers else None
+    raise InputError(
+        f"no printer matches {name!r}", path=path, advice=f"found: {', '.join(models)}"
+    )
+
+
+def _model_of(pattern: str) -> str:
+    """Return the model a pattern names."""
+    found = re.search(r"MODEL_(\w+)", pattern)
+    return found[1] if found else pattern
+
+
+def _slices(printer: Fields) -> list[dict[str, Any]]:
+    """Return slices by height; the file repeats heights and lists them in any order."""
+    by_height: dict[float, list[list[list[float]]]] = {}
+    for entry in printer.tables("slices"):
+        kind = entry.text("type")
+        if kind not in _KINDS:
+            entry.fail("type", f"unknown kind {kind!r}", f"known: {', '.join(_KINDS)}")
+        try:
+            height = float(entry.need("height"))
+        except (TypeError, ValueError):
+            entry.fail("height", f"expected a number, found {entry.need('height')!r}")
+        for number, text in enumerate(entry.items("polygons"), 1):
+            ring = _ring(str(text), f"{entry.where}, polygon {number}", entry.path)
+            by_height.setdefault(height, []).append(ring)
+    return [{"height": h, "polygons": by_height[h]} for h in sorted(by_height)]
+
+
+def _ring(text: str, where: str, path: Path | str | None) -> list[list[float]]:
+    """Return a counter-clockwise convex ring; the file's rings run either way."""
+    try:
+        points = np.array([[float(v) for v in pair.split(",")] for pair in text.split(";")])
+    except ValueError:
+        points = np.empty((0, 0))
+    if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= UNKNOWN_BED_MM).all():
+        fail(where, f"expected 'x,y;x,y;...', found {text!r}", path)
+    return [list(map(float, row)) for row in _counter_clockwise(points, where, path)]
+
+
+def _counter_clockwise(
+    points: NDArray[np.float64], where: str, path: Path | str | None
+) -> NDArray[np.float64]:
+    hull = shapely.MultiPoint(points).convex_hull
+    if len(points) < 3 or hull.geom_type != "Polygon":
+        fail(where, f"{len(points)} points with no area between them", path)
+    ring = shapely.LinearRing(points)
+    if not ring.is_simple or shapely.Polygon(ring).area < hull.area * (1.0 - 1e-9):
+        fail(where, "it is not convex", path, "split it into convex polygons")
+    return points if ring.is_ccw else points[::-1]

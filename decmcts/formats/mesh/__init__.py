@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.files.atomic import draft_folder
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.mesh.options import (
     MESH_SUFFIXES,

@@ -1,18 +1,22 @@
-"""Compiling what a search needs before it begins, or letting another planner begin meanwhile."""
+"""Compiling what a search needs before it begins, or letting another planner begin meanwhile.
+
+Tiny problems: searching them compiles the kernels that a real search needs.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from decmcts.feasibility.graph import DependencyGraph
 from decmcts.planning.compiling.child import compiled_beside
 from decmcts.planning.compiling.parts import FIRST, is_compiled, mark_compiled, part_of
-from decmcts.planning.compiling.rows import row_of
 from decmcts.planning.events import Stop, never
 from decmcts.search.bounds.ideals_kernels import WINDOW
-from decmcts.search.meanwhile import Meanwhile
-from decmcts.search.planners import PLANNERS, plan_order
+from decmcts.search.planners import PLANNERS, Meanwhile, plan_order
 from decmcts.search.sequence.planner import Planner
-from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import no_timed_lags
 
@@ -73,3 +77,21 @@ def first_planner(problem: OrderProblem, planner: str, *, at_once: bool) -> str:
         return planner
     part = part_of(problem, planner)
     return FIRST if compiled_beside(part) and not is_compiled(part) else planner
+
+
+def row_of(n: int, *, loops: bool = False) -> OrderProblem:
+    """Return `n` contours in a row; the last one lies above and depends on the first.
+
+    With `loops` each may be entered at either of its two ends.
+    """
+    start = np.zeros((n, 3))
+    start[:, 0] = np.arange(n)
+    start[-1, 2] = 0.2
+    graph = DependencyGraph.from_pairs(n, np.array([[0, n - 1]], np.int32))
+    layer = (start[:, 2] > 0.0).astype(np.int32)
+    end, either = start[::-1].copy(), np.ones(n, np.bool_)
+    if not loops:
+        return OrderProblem(start, end, either, layer, graph)
+    ends = np.stack([start, end], axis=1).reshape(-1, 3)
+    seams = Seams(2 * np.arange(n + 1), ends, ends.copy(), np.tile([0, 1], n).astype(np.int32))
+    return OrderProblem(start, start.copy(), ~either, layer, graph, seams=seams)

@@ -15,8 +15,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from decmcts.formats.files.atomic import write_whole
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.files.atomic import draft_folder, write_whole
 from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.formats.gcode.text.source_text import load_text, packed_text
 from decmcts.formats.mesh import is_mesh

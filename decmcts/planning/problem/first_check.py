@@ -3,20 +3,25 @@
 A fault that every order would have (a text that cannot be written again, a contact of head
 and print) is found here, in time linear in the print, and not after minutes of search. Of a
 large print the text is judged beside the search. The draft that is written is deleted.
+
+Faults of a draft that is deleted again, said in lines of the source it was made from.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from decmcts.errors import InputError
-from decmcts.formats.files.drafts import draft_folder
-from decmcts.formats.gcode import GcodeDocument, write_gcode
+from decmcts.formats.files.atomic import draft_folder
+from decmcts.formats.gcode import GcodeDocument, read_motions, write_gcode
 from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.planning.problem.source_lines import SourceLines
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, PlanDocument
@@ -93,3 +98,46 @@ def _refusal(problem: PrintProblem, verdict: Verdict, lines: SourceLines | None)
         line=line,
         advice="export the G-code again, and report this if it stays so",
     )
+
+
+_LINE = re.compile(r"\bline (\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class SourceLines:
+    """Of each line of a draft the source's line of the contour that stands there, or next."""
+
+    line: NDArray[np.int64]  # (k,) of the draft's beads, ascending
+    source: NDArray[np.int64]  # (k,) where the source begins the contour of each
+
+    @staticmethod
+    def of(draft: Path, contour_lines: NDArray[np.int32]) -> SourceLines:
+        """Return the lines of a draft; of none where it cannot be read.
+
+        Parameters
+        ----------
+        contour_lines : (n,) where the source begins each contour, in the draft's order
+        """
+        none = np.zeros(0, np.int64)
+        try:
+            motions = read_motions(draft)
+        except InputError:
+            return SourceLines(none, none)
+        contour = np.asarray(motions.contour)
+        known = np.flatnonzero((contour >= 0) & (contour < len(contour_lines)))
+        source = contour_lines[contour[known]].astype(np.int64)
+        return SourceLines(np.asarray(motions.line, np.int64)[known], source)
+
+    def at(self, line: int) -> int | None:
+        """Return the source's line for a line of the draft; None where nothing is printed on."""
+        k = int(np.searchsorted(self.line, line))
+        return (int(self.source[k]) or None) if k < len(self.line) else None
+
+    def first(self, text: str) -> int | None:
+        """Return the source's line for the first line that a text names."""
+        named = _LINE.search(text)
+        return None if named is None else self.at(int(named[1]))
+
+    def stated(self, text: str) -> str:
+        """Return a text with the lines it names as lines of the source."""
+        return _LINE.sub(lambda named: f"line {self.at(int(named[1])) or named[1]}", text)

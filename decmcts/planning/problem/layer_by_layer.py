@@ -24,10 +24,10 @@ from decmcts.formats.gcode.dialects.stated_times import restated
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Report, Step
 from decmcts.planning.options import Rules
+from decmcts.planning.problem.first_check import SourceLines
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above, problem_of
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
-from decmcts.planning.problem.source_lines import SourceLines
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -35,7 +35,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
 from sim.faults import Verdict
-from sim.files.phases import in_phases
+from sim.files.temperatures import in_phases
 from sim.files.written import verify_written
 
 SAME_MM = 3  # decimals of heights that are one layer

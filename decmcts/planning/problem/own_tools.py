@@ -25,7 +25,7 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import refuse_unknown_head
-from sim.files.tower import read_without_tower
+from sim.files.written import read_without_tower
 from sim.heads.changes import as_planned
 
 

@@ -1,4 +1,7 @@
-"""Plans as documents that can be judged, and the plan that passed the judge."""
+"""Plans as documents that can be judged, and the plan that passed the judge.
+
+A plan of whole contours told in the pieces of a cut print, to be drawn beside its plan.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,10 @@ from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.events import Report, Step
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.brief import brief
+from decmcts.print.contours import Contours
 from decmcts.print.cut import cut_metrics, with_welds
 from decmcts.print.metrics import Metrics
-from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
@@ -110,3 +114,58 @@ def require_passed(verdict: Verdict) -> None:
             f"the plan failed verification with {len(verdict.faults)} faults "
             f"and was not written: {verdict.shown}"
         )
+
+
+def before_by_pieces(before: PlanDocument, after: PlanDocument) -> PlanDocument:
+    """Return the source's own order in the pieces of a cut print.
+
+    Each contour that is cut is printed piece by piece, in the time it takes whole: what lies of it
+    in one strip at once, though the source comes back to the strip.
+    """
+    pieces = after.contours
+    if pieces.of is None or before.contours.of is not None:
+        return before
+    heads = tuple(_by_pieces(head, pieces) for head in before.plan.heads)
+    return replace(before, contours=pieces, plan=JointPlan(heads), acceleration=None)
+
+
+def _by_pieces(actions: HeadActions, pieces: Contours) -> HeadActions:
+    """Return the actions of a head that waits for no other, with a print for each piece."""
+    count, share = np.bincount(pieces.sources), _shares(pieces)
+    first = np.cumsum(count) - count
+    prints = actions.kind == ActionKind.PRINT
+    parts = np.where(prints, count[np.where(prints, actions.contour, 0)], 1)
+    row = np.repeat(np.arange(len(actions)), parts)
+    within = np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)
+    piece = np.where(prints[row], first[actions.contour[row]] + within, -1)
+    begin_s, end_s = actions.begin_s[row], actions.end_s[row]
+    cut = parts[row] > 1
+    takes = (end_s - begin_s)[cut]
+    end_s[cut] = begin_s[cut] + takes * share[piece[cut], 1]
+    begin_s[cut] += takes * share[piece[cut], 0]
+    paths = [
+        pieces.polyline(int(p)) if of_cut else actions.action_path(int(k))
+        for k, p, of_cut in zip(row, piece, cut, strict=True)
+    ]
+    offsets = np.concatenate([[0], np.cumsum([len(path) for path in paths])]).astype(np.int64)
+    return replace(
+        actions, kind=actions.kind[row], contour=piece.astype(np.int32),
+        reversed=actions.reversed[row], entry=actions.entry[row], path_offsets=offsets,
+        path=np.concatenate([np.empty((0, 3)), *paths]), begin_s=begin_s, end_s=end_s,
+        after_offsets=np.zeros(len(row) + 1, np.int64), after_head=actions.after_head[:0],
+        after_action=actions.after_action[:0], after_point=actions.after_point[:0],
+        after_lag_s=actions.after_lag_s[:0],
+    )  # fmt: skip
+
+
+def _shares(pieces: Contours) -> NDArray[np.float64]:
+    """Return from which to which share of its contour's printing each piece is printed, (n, 2)."""
+    step = np.linalg.norm(np.diff(pieces.points, axis=0, prepend=pieces.points[:1]), axis=1)
+    step[pieces.extrusion == 0.0] = 0.0
+    length = np.add.reduceat(step, pieces.offsets[:-1])
+    begins = np.unique(pieces.sources, return_index=True)[1]
+    done = np.cumsum(length)
+    before = np.repeat((done - length)[begins], np.diff(np.append(begins, len(pieces))))
+    whole = np.repeat(np.add.reduceat(length, begins), np.diff(np.append(begins, len(pieces))))
+    whole = np.maximum(whole, 1e-12)[:, None]
+    return np.asarray(np.column_stack([done - length - before, done - before]) / whole)

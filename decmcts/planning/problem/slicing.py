@@ -15,7 +15,7 @@ from typing import IO, NoReturn
 
 from decmcts.arguments import check_fields, checked
 from decmcts.errors import InputError
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.files.atomic import draft_folder
 from decmcts.formats.mesh import SliceOptions, slice_to_gcode
 from decmcts.formats.mesh.slicers import (
     CURA_DEFINITION,

@@ -32,18 +32,19 @@ from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
+from decmcts.planning.replanning.fenced import OPTION, differences, needed
 from decmcts.planning.replanning.living import living_machine, slowed
-from decmcts.planning.replanning.other_tools import OPTION, differences, needed
 from decmcts.planning.replanning.park_files import ParkFile, park_files, park_paths
 from decmcts.planning.replanning.rest import (
+    Able,
     Broken,
     LeftBeads,
     LeftOut,
     broken_beads,
     left_out,
     printed_contours,
+    stretches_left,
 )
-from decmcts.planning.replanning.stretches import Able, stretches_left
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import Launch, plan_team
 from decmcts.print.brief import brief

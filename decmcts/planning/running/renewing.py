@@ -7,6 +7,10 @@
 
 What is planned is left when another head fails meanwhile: it is not true any more. While a head is
 lost nothing is planned, and the others do all they can.
+
+A plan by which heads go to their parks from wherever they stand, one after another.
+
+One that stands at its park has no action; it takes up the plan too, so all know that it stands.
 """
 
 from __future__ import annotations
@@ -14,7 +18,10 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from agents.running.carrier import committed
 from agents.running.report import Reached
@@ -22,13 +29,15 @@ from decmcts.errors import InputError, VerificationError
 from decmcts.planning.events import Note
 from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.problem.source import Source
+from decmcts.planning.replanning.park_files import routes_to_parks, top_of
 from decmcts.planning.replanning.replan import replan, rest_of, search_of
 from decmcts.planning.running.options import RunOptions
-from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.team import Team, is_whole
+from decmcts.print.contours import taken
 from decmcts.print.machine import Machine, Point
-from decmcts.print.plan import PlanDocument
+from decmcts.print.metrics import Metrics
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
 from decmcts.print.print_state import PrintState
 
 MORE_S = 30.0  # nominal seconds that heads go on for, besides those of the search
@@ -294,3 +303,63 @@ class Renewal:
         least = [carried.until.get(h, 0) for h in carried.heads]
         self._limit(carried, committed(carried.document.plan, least, stopped, math.inf))
         self.team.report(Note(self.reason))
+
+
+def parking_plan(
+    document: PlanDocument, machine: Machine, standing: Mapping[str, Point],
+    fenced: Mapping[str, Point],
+) -> PlanDocument | None:  # fmt: skip
+    """Return a plan by which heads go to their parks; None where none is to go.
+
+    Parameters
+    ----------
+    document : PlanDocument
+        The plan that is broken off.
+    machine : Machine
+        With all heads, those that failed too.
+    standing : Mapping[str, Point]
+        Where each head stands that is to go, mm, or is at its park.
+    fenced : Mapping[str, Point]
+        Where each head stands that does not move.
+
+    Raises
+    ------
+    InputError
+        When some head has no clear path.
+    """
+    lines = {name: np.array([at], np.float64) for name, at in standing.items()}
+    routes = routes_to_parks(machine, lines, fenced, top_of(document.contours, document.printed))
+    order = [(route.head, route.path(standing[route.head])) for route in routes]
+    gone = {name for name, _ in order}
+    order += [(name, np.empty((0, 3))) for name in standing if name not in gone]
+    return _document(document, machine, order) if order else None
+
+
+def _document(
+    document: PlanDocument, machine: Machine, order: list[tuple[str, NDArray[np.float64]]]
+) -> PlanDocument:
+    """Return paths as a plan in which each head waits for the one before."""
+    begin, heads = 0.0, list[HeadActions]()
+    for k, (name, path) in enumerate(order):
+        length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        end = begin + length / machine.limits_of(machine.head(name)).travel_feed
+        n = int(len(path) > 0)  # actions
+        m = n * int(k > 0)
+        heads.append(
+            HeadActions(
+                head=name, kind=np.full(n, ActionKind.PARK, np.int8),
+                contour=np.full(n, -1, np.int32), reversed=np.zeros(n, np.bool_),
+                entry=np.zeros(n, np.int32), path_offsets=np.array([0, len(path)][: n + 1]),
+                path=path, begin_s=np.full(n, begin), end_s=np.full(n, end),
+                after_offsets=np.array([0, m][: n + 1]),
+                after_head=np.full(m, k - 1, np.int32), after_action=np.zeros(m, np.int32),
+                after_point=np.full(m, ACTION_END, np.int32), after_lag_s=np.zeros(m),
+            )
+        )  # fmt: skip
+        begin = end
+    none = np.empty(0, np.int64)
+    return replace(
+        document, machine=machine, contours=taken(document.contours, none),
+        plan=JointPlan(tuple(heads)), precedence=np.empty((0, 2), np.int32), metrics=Metrics(),
+        acceleration=None, printed=None, fenced=None,
+    )  # fmt: skip

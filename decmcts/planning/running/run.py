@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.files.atomic import draft_folder
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.made_from import source_of
 from decmcts.planning.problem.source import Source

@@ -34,8 +34,7 @@ from decmcts.team.cutting.layout import (
     may_be_cut,
     places_of,
 )
-from decmcts.team.cutting.sweep import Sweep, sweep_order, times_of
-from decmcts.team.cutting.travels import with_less_travel
+from decmcts.team.cutting.sweep import Sweep, sweep_order, times_of, with_less_travel
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import first_policies_s

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.files.atomic import draft_folder
 from decmcts.planning.compiling.parts import PRINT, TEAM, is_compiled
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.own_tools import for_the_judge

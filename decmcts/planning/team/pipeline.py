@@ -1,10 +1,15 @@
 """Several heads, from problem to judged plan: the agents take the place of one head's search.
 
 No output is written here. See ARCHITECTURE.md, which follows one planning round.
+
+Prints that lie along a rail where heads could share them only if they were turned.
+
+How often heads stand idle by a plan, and what their files do there, as figures.
 """
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping
 from concurrent.futures import Future
@@ -20,6 +25,7 @@ from agents.launch import launch as launch_agents
 from agents.launching.status import AgentStatus, LaunchError, OnProgress
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
+from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.planning.compiling.child import finish_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Begun, Heads, Note, Report, Sound, Step, Stop, never, unheard
@@ -30,26 +36,33 @@ from decmcts.planning.problem.planned import History, Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named, place_advised
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.cutting import Swept, best_sweep
-from decmcts.planning.team.idling import with_idling
 from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
-from decmcts.planning.team.narrow import narrow_note
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
+from decmcts.print.contours import Role
 from decmcts.print.cut import late_contours
 from decmcts.print.job import PrintJob
+from decmcts.print.kinematics import widest
 from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
-from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.metrics import IdleMetrics, Metrics
+from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
 from decmcts.print.seam import SeamEntries
+from decmcts.print.stands import practice_of, primed_before, stands_of
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import able_heads
-from decmcts.team.schedule.biased import biased_entries
 from decmcts.team.schedule.cooling import find_lags, print_times
-from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
+from decmcts.team.schedule.entries import (
+    OrderChoices,
+    agreed_job,
+    biased_entries,
+    entries_of,
+    first_entries,
+)
 from sim.faults import Verdict
 
 WELD_ROUNDS = 4  # of sweeps in which contours stay whole whose welds would be too old
@@ -287,3 +300,77 @@ def _history(outcome: Outcome) -> History:
             best = makespan
             history.append((seconds, makespan))
     return np.array(history, np.float64).reshape(-1, 2)
+
+
+WORTH = 0.3  # of the print more that two heads could print at once, turned
+
+
+def narrow_note(job: PrintJob, machine: Machine) -> str | None:
+    """Return the line to say where a print turned by 90 degrees could be shared by more.
+
+    Two heads that keep L mm apart along a rail can print 2 (B - L) / B of an even part of width B
+    at once, at most all of it. Skirts do not count. The rest of a print that stands on the bed
+    already cannot be turned.
+    """
+    contours = job.contours
+    mine = np.repeat(contours.role != Role.SKIRT_BRIM, np.diff(contours.offsets))
+    kept = widest(machine)
+    if kept is None or job.printed is not None or not mine.any():
+        return None
+    apart = kept.least_mm
+    sizes = np.ptp(contours.points[mine, :2], axis=0)
+    along, across = float(sizes[kept.axis]), float(sizes[1 - kept.axis])
+    if shared(across, apart) < shared(along, apart) + WORTH:
+        return None
+    x, y = "xy"[kept.axis], "yx"[kept.axis]
+    return (
+        f"the print is {along:.0f} mm wide along {x}, where heads keep {apart:.0f} mm apart, and "
+        f"{across:.0f} mm along {y}: turned by 90° in the slicer, heads could share more of it"
+    )
+
+
+def shared(width_mm: float, apart_mm: float) -> float:
+    """Return which part of an even print of a width two heads can print at once, 0 to 1."""
+    return float(np.clip(2.0 * (width_mm - apart_mm) / max(width_mm, 1e-9), 0.0, 1.0))
+
+
+_COOLS = re.compile(rb"^M104 [^\r\n]* " + re.escape(IDLE_MARK.encode()) + rb"\r?$", re.M)
+
+
+def with_idling(planned: Planned) -> Planned:
+    """Return a judged plan with the figures `idle`, where heads stand idle before beads.
+
+    How often they cool is known only of files that are written.
+    """
+    rows = np.array(
+        [_counts(planned, actions, h) for h, actions in enumerate(planned.after.plan.heads)]
+    )
+    waits, seconds, pulled, primed = rows.sum(axis=0).tolist()
+    if not waits and not primed:
+        return planned
+    idle: IdleMetrics = {
+        "waits": int(waits), "waits_s": seconds, "pulled": int(pulled), "primed": int(primed)
+    }  # fmt: skip
+    if planned.head_files:
+        idle["cooled"] = sum(map(_cooled, planned.head_files))
+    metrics: Metrics = {**planned.after.metrics, "idle": idle}
+    return replace(planned, after=replace(planned.after, metrics=metrics))
+
+
+def _counts(planned: Planned, actions: HeadActions, h: int) -> tuple[float, float, float, float]:
+    """Return of a head: idle waits, their seconds, how many it is pulled back for, times primed."""
+    job, machine = planned.problem.job, planned.after.machine
+    if not (actions.kind == ActionKind.PRINT).any():
+        return 0, 0.0, 0, 0
+    idle = machine.heads[h].idle
+    practice, settings = practice_of(actions, job, idle)
+    stands = stands_of(actions, h, job.contours.epoch, idle.after_s)
+    further = practice.retract_mm > settings.retract_mm
+    primed = primed_before(actions, idle.after_s).sum() if practice.prime_mm else 0
+    seconds = sum(stand.seconds for stand in stands.values())
+    return len(stands), seconds, len(stands) * further, int(primed)
+
+
+def _cooled(text: bytes) -> int:
+    """Return how often a file cools its hot end to standby."""
+    return sum(1 for _ in _COOLS.finditer(text))

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from decmcts.errors import InputError
-from decmcts.formats.files.atomic import write_all
-from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.files.atomic import draft_folder, write_all
 from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
 from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points

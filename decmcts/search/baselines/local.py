@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.search.decomposition.threads import anneal_rounds, descend_fully, open_threads
-from decmcts.search.sequence.annealing import DESCENT_FROM
 from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sequence.stopping import DESCENT_FROM
 
 HOT, COLD = 1.5, 0.03
 """First and last temperature, in mean travels; within a factor of three either way results

@@ -77,7 +77,7 @@ def lower_bound(
     extension; the first contour has no predecessor and the last no successor.
     For prices u (contours and root), t (choices for a contour), ρ ≥ 0 (sets S of
     contours that each order leaves at least k_S times, see
-    `decmcts.search.bounds.crossings`) and τ ≥ 0 (sets P of travels of which each order uses
+    `decmcts.search.bounds.relaxation`) and τ ≥ 0 (sets P of travels of which each order uses
     at most one, see `decmcts.search.bounds.exclusive_travels`) let a travel from i to j cost
 
         price + u_i + t_p − t_q − Σ {ρ_S : i in S, j not in S} + Σ {τ_P : (i, j) in P}

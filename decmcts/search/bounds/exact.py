@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.bounds.choices import choices_of
 from decmcts.search.bounds.ideals_kernels import (
     IdealRules,
     Ideals,
@@ -24,6 +23,7 @@ from decmcts.search.bounds.ideals_kernels import (
     reset,
     trace,
 )
+from decmcts.search.bounds.relaxation import choices_of
 from decmcts.search.sequence.problem import OrderProblem
 
 _QUOTA = 20_000  # steps between two questions, while they are being found

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.decomposition.blocks_kernels import block_edges, block_ports
-from decmcts.search.decomposition.crossover_kernels import crossed
+from decmcts.search.decomposition.blocks_kernels import block_edges, block_ports, crossed
 from decmcts.search.sequence.entries_kernels import use_entries, visits_cost
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.metric_kernels import Metric, points_of, with_points

@@ -31,9 +31,8 @@ from decmcts.random_kernels import seeded, uniform
 from decmcts.search.decomposition.blocks import Sequence, SequenceBlock, crossover, cut
 from decmcts.search.decomposition.descent_kernels import descend
 from decmcts.search.sequence.anneal_kernels import anneal
-from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.stopping import Stopping, next_chunk
+from decmcts.search.sequence.stopping import Stopping, TemperatureSchedule, next_chunk
 
 ROUND_S = 0.4  # how long threads work before they meet, where the slowest keeps all waiting
 _CHUNK_S = 0.02  # how often a thread looks at the clock

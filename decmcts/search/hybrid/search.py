@@ -1,9 +1,12 @@
-"""One search: what its phases share, and what one of them leaves to the next."""
+"""One search: what its phases share, and what one of them leaves to the next.
+
+What the search begins with: orders made by simple rules, and maybe one that goes by layers.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -11,9 +14,10 @@ from numpy.typing import NDArray
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import Threads
-from decmcts.search.sequence.annealing import TemperatureSchedule
+from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sequence.stopping import TemperatureSchedule
 
 
 @dataclass(slots=True)
@@ -49,3 +53,44 @@ class SearchPhase(Protocol):
     def run(self, search: HybridSearch) -> Iterator[None]:
         """Improve the incumbent; yield wherever the search may end."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Starts:
+    """The nearest next within layers, and within height buffers of several sizes."""
+
+    def run(self, search: HybridSearch) -> Iterator[None]:
+        """Offer all of them."""
+        incumbent = search.incumbent
+        search.by_layers = nearest_in_layers(incumbent)
+        incumbent.offer(*search.by_layers)
+        Greedy().plan(incumbent, seed=0)
+        incumbent.tick()
+        yield
+
+
+@dataclass(frozen=True, slots=True)
+class LayeredStart:
+    """Whether annealing within layers is worth it, and from what."""
+
+    most_cost: float = 1.15  # of an order by layers, in costs of the best start; 0: never
+
+    def run(self, search: HybridSearch) -> Iterator[None]:
+        """Set the layered start: the best sequence if it goes by layers, else the nearest.
+
+        The nearest gets the entries that suit it, and is left out if it then costs more
+        than `most_cost` times the best. There is none if there is but one layer.
+        """
+        group = layer_runs(search.incumbent.problem.layer)
+        if self.most_cost == 0.0 or group[-1] == 0:
+            return
+        best = search.best()
+        if (np.diff(group[best.order]) >= 0).all():
+            search.layered = best
+        elif search.by_layers is not None:
+            order, is_reversed = search.by_layers
+            layered = replace(best.copy(), order=order.copy(), reversed=is_reversed.copy())
+            layered.choose_entries()
+            if layered.cost <= self.most_cost * best.cost:
+                search.layered = layered
+        yield

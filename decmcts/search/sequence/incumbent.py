@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.search.sequence.entries_kernels import visits_cost
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Progress, Stopping
-from decmcts.search.sequence.tour_kernels import respects
 
 
 class Incumbent:

@@ -28,9 +28,9 @@ from decmcts.search.sequence.metric_kernels import (
     TimedBare,
     costliest,
     distance,
+    longest_hop,
 )
 from decmcts.search.sequence.timed_lags import TimedLags
-from decmcts.search.sequence.tour_kernels import longest_hop
 
 FreedomWord = Literal["fixed", "reversible", "seam"]
 

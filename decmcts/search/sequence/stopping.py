@@ -1,4 +1,7 @@
-"""When a search ends, and how much of it is over: one value, made once for the whole search."""
+"""When a search ends, and how much of it is over: one value, made once for the whole search.
+
+The temperatures of annealing, and when it ends.
+"""
 
 from __future__ import annotations
 
@@ -95,3 +98,18 @@ def next_chunk(size: int, took_s: float, goal_s: float, *, least: int, most: int
     """
     speed = size / max(took_s, 1e-6)
     return int(min(max(goal_s * speed, least), max(4.0 * size, least), most))
+
+
+DESCENT_FROM = 0.97  # share of a search at which what is drawn at random ends
+
+
+@dataclass(frozen=True, slots=True)
+class TemperatureSchedule:
+    """A temperature that falls geometrically, in the unit of costs."""
+
+    first: float
+    last: float
+
+    def at(self, share: float) -> float:
+        """Return the temperature after `share` (0..1) of the run."""
+        return float(self.first * (self.last / self.first) ** min(max(share, 0.0), 1.0))

@@ -18,12 +18,18 @@ from decmcts.random_kernels import seeded
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.metric_kernels import Matrix
 from decmcts.search.sequence.stopping import next_chunk
-from decmcts.search.sop.annealing import ALL, FIRST, SHARES, LubyAnnealer, NearSteps
+from decmcts.search.sop.annealing import (
+    ALL,
+    FIRST,
+    LEAST,
+    SHARES,
+    EliteAnnealer,
+    LubyAnnealer,
+    NearSteps,
+)
 from decmcts.search.sop.annealing_kernels import Shares
-from decmcts.search.sop.assignment import Assignment, assign
-from decmcts.search.sop.assignment_tree import AssignmentTree
+from decmcts.search.sop.assignment import Assignment, AssignmentTree, assign
 from decmcts.search.sop.beam import Beam
-from decmcts.search.sop.elites import LEAST, EliteAnnealer
 from decmcts.search.sop.joint import JointAnnealing, JointThread
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.windows import WindowAnnealer

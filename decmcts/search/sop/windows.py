@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.random_kernels import below, log_uniform, uniform
-from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import TemperatureSchedule
 from decmcts.search.sop.annealing import Annealer, LubyAnnealer, quenched
 from decmcts.search.sop.annealing_kernels import Bare, Shares, anneal_bare
 

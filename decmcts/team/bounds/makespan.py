@@ -37,14 +37,13 @@ from decmcts.print.loops_kernels import SLIVER_MM
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
 from decmcts.search.bounds.chains_kernels import chain_behind
-from decmcts.team.bounds.least_time import choices, least_times
 from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.bounds.pair_bound import pair_bound
 from decmcts.team.bounds.rail_bound import RailUse, rail_bound
-from decmcts.team.bounds.run_on import saved_by_running_on
+from decmcts.team.bounds.run_on import choices, least_times, saved_by_running_on
 from decmcts.team.engine.order import MOST_PIECES, PIECE_MM
-from decmcts.team.engine.pieces_kernels import cut_pieces
 from decmcts.team.engine.space import eligibility
+from decmcts.team.engine.spaces_kernels import cut_pieces
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
 

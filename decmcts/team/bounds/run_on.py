@@ -3,11 +3,17 @@
 Heads of a team stand still between actions, for they may have to wait there. A head alone
 does not: through a short travel without retraction, or where contours abut, it keeps the speed
 that the time model allows (`decmcts.print.motion`). For bounds.
+
+The least time to print each contour: by the fastest eligible head, from the best vertex.
+
+For bounds. Travel is `decmcts.team.bounds.least_travel`'s. Times are those of
+`decmcts.print.motion`, from rest to rest (a head alone may run on: `decmcts.team.bounds.run_on`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +23,71 @@ from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.loops import rotated
 from decmcts.print.loops_kernels import Rotated
 from decmcts.print.machine import Machine, MotionLimits
-from decmcts.print.motion import Program, limit_rows
+from decmcts.print.motion import Program, limit_rows, segment_times
 from decmcts.print.seam import SeamEntries, entry_points, exit_points
-from decmcts.team.bounds.least_time import choices
 from decmcts.team.schedule.timing import habit_of
+
+
+@dataclass(frozen=True, slots=True)
+class LeastTimes:
+    """No plan spends less on printing, in seconds."""
+
+    contour: Floats  # (n,)
+    segment: Floats
+    """(n_points,) of the segment ending at each point, 0 at a start. Those of a contour may sum
+    to less than the contour's, since each is by the head and entry that are best for it."""
+
+
+def least_times(
+    job: PrintJob,
+    machine: Machine,
+    eligible: NDArray[np.bool_],
+    entries: SeamEntries | None = None,
+) -> LeastTimes:
+    """Return the least times over the heads that may print each contour, and over its entries.
+
+    O(heads with limits of their own · entries of one contour · points).
+
+    Parameters
+    ----------
+    eligible : (n, heads)
+        A contour that no head may print is taken to be any head's.
+    entries : SeamEntries | None
+        Where loops may be entered besides as sliced; None: nowhere.
+    """
+    contours = job.contours
+    may = eligible | ~eligible.any(axis=1, keepdims=True)
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    least = LeastTimes(np.full(len(contours), np.inf), np.full(len(contours.points), np.inf))
+    limits = [machine.limits_of(head) for head in machine.heads]
+    kinds = {own: [k for k, other in enumerate(limits) if other == own] for own in limits}
+    for entry in choices(entries, len(contours)):
+        run, offsets = rotated(contours, entry)
+        running = replace(
+            contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
+        )
+        set_by = None if job.acceleration is None else job.acceleration[run.rows]
+        for kind, heads in kinds.items():
+            mine = np.asarray(may[:, heads].any(axis=1))
+            seconds = segment_times(running, kind, set_by)
+            whole = np.add.reduceat(seconds, offsets[:-1])
+            parts = np.bincount(run.rows, seconds, len(owner))
+            np.minimum(least.contour, whole, out=least.contour, where=mine)
+            np.minimum(least.segment, parts, out=least.segment, where=mine[owner])
+    return least
+
+
+def choices(entries: SeamEntries | None, n: int) -> Iterator[NDArray[np.int32]]:
+    """Yield vertices of all contours, (n,), until each contour had all it may be entered at."""
+    yield np.zeros(n, np.int32)
+    if entries is None:
+        return
+    first, count = entries.offsets[:-1], np.diff(entries.offsets)
+    for k in range(int(count.max(initial=0))):
+        chosen = entries.vertices[first + np.minimum(k, count - 1)]
+        if chosen.any():
+            yield chosen
+
 
 RUN_UP_MM = 1e5  # before and behind a contour: enough to have any speed at its ends
 Floats = NDArray[np.float64]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.feasibility.touching import SHELLS
+from decmcts.feasibility.build import SHELLS
 from decmcts.print.contours import Contours, Role
 from decmcts.print.cut import INFILL, INSIDE_HOP_MM, LEAST_MM, OUTSIDE, CutLines
 from decmcts.print.cut_kernels import SNAP_MM

@@ -29,11 +29,10 @@ from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.distribution import Candidates, PlanDistribution
-from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
+from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly, rearranges
 from decmcts.team.dec_mcts.parameters import SMALL_SHARE, Parameters
 from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.dec_mcts.polish import FEW, Polish
-from decmcts.team.dec_mcts.rearrange import rearranges
 from decmcts.team.dec_mcts.tree import ROOT, Tree
 from decmcts.team.engine.plans import (
     MOST_STATED,

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.random_kernels import log_uniform, seeded
-from decmcts.team.dec_mcts.join_kernels import join
 from decmcts.team.dec_mcts.polish_kernels import RUN, SHORTEST, Annealing, PolishMoves, polish
 from decmcts.team.dec_mcts.recreate_kernels import Guide, recreate
+from decmcts.team.dec_mcts.windows_kernels import join
 from decmcts.team.engine.dispatch_kernels import new_pool
 from decmcts.team.engine.joint_kernels import NONE, TeamState, all_parked, new_units
 from decmcts.team.engine.plans import POLICIES, StatedOrder

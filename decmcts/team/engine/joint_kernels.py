@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from decmcts.compiled import inlined, kernel
 from decmcts.print.lags_kernels import Lags
-from decmcts.team.engine.pieces_kernels import Pieces
 from decmcts.team.engine.spaces_kernels import (
     Fleet,
+    Pieces,
     Point,
     Space,
     keep_space,

@@ -22,9 +22,8 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.carry_out_kernels import CONTRADICTED, SHUT_IN, Sequences, carry_out
 from decmcts.team.engine.joint_kernels import PLACES, Units, Visits
-from decmcts.team.engine.pieces_kernels import cut_pieces
 from decmcts.team.engine.space import Workspaces, printing_times
-from decmcts.team.engine.spaces_kernels import Fleet
+from decmcts.team.engine.spaces_kernels import Fleet, cut_pieces
 from decmcts.team.engine.waits_kernels import find_waits, first_later
 
 PIECE_MM = 4.0  # a contour's next piece begins where the space still needed has shrunk by this

@@ -38,7 +38,7 @@ class Marks(NamedTuple):
     rest: NDArray[np.float64]  # (n + 1, heads, 6)
     known: NDArray[np.int64]  # (1,) turns up to which all this is true
     waited: NDArray[np.int64]  # (n + 1, heads, heads)
-    tail: NDArray[np.float64]  # (n + 1, heads) see `decmcts.team.dec_mcts.tails_kernels`
+    tail: NDArray[np.float64]  # (n + 1, heads) see `decmcts.team.dec_mcts.windows_kernels`
 
 
 @inlined

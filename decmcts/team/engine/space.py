@@ -22,8 +22,7 @@ from decmcts.print.machine import Head, Machine, MotionLimits
 from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
 from decmcts.team.engine.carry_out_kernels import eligible_heads
 from decmcts.team.engine.joint_kernels import Visits
-from decmcts.team.engine.pieces_kernels import Pieces
-from decmcts.team.engine.spaces_kernels import Fleet
+from decmcts.team.engine.spaces_kernels import Fleet, Pieces
 
 
 @dataclass(frozen=True, slots=True)

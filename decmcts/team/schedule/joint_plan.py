@@ -5,27 +5,41 @@ Safe means rules J1-J5 of docs/definitions.md.
 `decmcts.team.engine.order` decides who waits for whom; here every action gets its
 path, checked against whatever may be printed by then, and its nominal times.
 One head is a joint plan of one: same code. No search here.
+
+Units become actions: whole paths, waits and nominal times.
+
+The times follow from the partial order and the time model: each action begins when
+the one before it on its head, and those it comes after, have ended, and the head has
+started again where it has stopped (`decmcts.team.schedule.standing`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.contours import Contours
 from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.loops import enter_at
 from decmcts.print.machine import Machine
-from decmcts.print.plan import JointPlan
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath, entries_by_contour
 from decmcts.print.walls import walls_for
 from decmcts.team.engine.alone import hand_over
-from decmcts.team.engine.order import order_of_job, require_complete
+from decmcts.team.engine.joint_kernels import UNIT_PARK, UNIT_PRINT
+from decmcts.team.engine.order import UnitOrder, order_of_job, require_complete
 from decmcts.team.engine.space import build_space, fleet_of
-from decmcts.team.schedule.actions import join_actions
-from decmcts.team.schedule.travels import unit_travels
+from decmcts.team.engine.waits_kernels import AT_END, earliest
+from decmcts.team.schedule.standing import with_stops
+from decmcts.team.schedule.timing import ActionTimes, action_times
+from decmcts.team.schedule.travels import Paths, unit_travels
+from decmcts.team.schedule.waits import find_rests, with_rests
 
 
 def schedule(
@@ -75,3 +89,141 @@ def schedule(
     running = replace(job, contours=entered, acceleration=None)
     travels = unit_travels(running, machine, order, space, walls_for(job), detours)
     return join_actions(job, machine, order, entered, travels, toolpaths, cooling)
+
+
+def join_actions(
+    job: PrintJob,
+    machine: Machine,
+    order: UnitOrder,
+    entered: Contours,
+    travels: Paths,
+    toolpaths: Sequence[Toolpath],
+    lags: Lags,
+) -> JointPlan:
+    """Return the joint plan of these units.
+
+    `entered` are the contours as their toolpaths enter them, `travels` the paths of units that
+    do not print. Where something must cool the head rests where it is to print, until it may.
+    """
+    all_actions = [
+        _untimed(entered, order, rows, travels, toolpath)
+        for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
+    ]
+    times = [
+        action_times(
+            job, machine.limits_of(head), actions.path, actions.offsets, actions.contour,
+            actions.reversed, actions.entry, rests=len(all_actions) > 1,
+        ).slowed(head.pace)
+        for head, actions in zip(machine.heads, all_actions, strict=True)
+    ]  # fmt: skip
+    seconds = np.zeros(len(order.head))
+    for rows, timed in zip(_rows(order), times, strict=True):
+        seconds[rows] = timed.seconds
+    passing = _passing(order, times)
+    if len(lags.below):
+        begin, rests = find_rests(order, passing, seconds, lags)
+    else:
+        begin = earliest(order.head, order.own, order.rows, order.after, passing, seconds)
+        rests = None
+    plan = JointPlan(
+        tuple(
+            _head_actions(head.name, order, rows, actions, begin, seconds)
+            for head, rows, actions in zip(machine.heads, _rows(order), all_actions, strict=True)
+        )
+    )
+    plan = plan if rests is None else with_rests(plan, order, rests)
+    return plan if len(machine.heads) < 2 else with_stops(plan, job, machine, times)
+
+
+def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float64]:
+    """Return the seconds until what a unit waits for is passed, from its begin, (m, heads)."""
+    passing = np.zeros(order.after.shape)
+    for s, timed in enumerate(times):
+        waits = np.flatnonzero(order.after[:, s] >= 0)
+        action, point = order.after[waits, s], order.point[waits, s]
+        passing[waits, s] = timed.seconds[action]
+        within = point != AT_END
+        passing[waits[within], s] = timed.until(action[within], point[within])
+    return passing
+
+
+@dataclass(frozen=True, slots=True)
+class _Untimed:
+    """What one head does, without times."""
+
+    contour: NDArray[np.int32]  # (k,) NO_CONTOUR where it travels
+    reversed: NDArray[np.bool_]  # (k,)
+    entry: NDArray[np.int32]  # (k,)
+    path: NDArray[np.float64]  # (offsets[-1], 3)
+    offsets: NDArray[np.int64]  # (k + 1,)
+
+
+def _rows(order: UnitOrder) -> list[NDArray[np.int64]]:
+    """Return the units of each head in its order."""
+    return [order.rows[r, : order.counts[r]] for r in range(len(order.counts))]
+
+
+def _untimed(
+    entered: Contours,
+    order: UnitOrder,
+    rows: NDArray[np.int64],
+    travels: Paths,
+    toolpath: Toolpath,
+) -> _Untimed:
+    """Return contours and paths of one head's actions."""
+    prints = order.kind[rows] == UNIT_PRINT
+    contour = np.full(len(rows), NO_CONTOUR, np.int32)
+    contour[prints] = order.contour[rows[prints]]
+    is_reversed, entry = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int32)
+    is_reversed[prints], entry[prints] = toolpath.reversed, toolpath.entry
+    return _Untimed(
+        contour, is_reversed, entry, *_paths(entered, contour, is_reversed, rows, travels)
+    )
+
+
+def _head_actions(
+    name: str,
+    order: UnitOrder,
+    rows: NDArray[np.int64],
+    actions: _Untimed,
+    begin: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+) -> HeadActions:
+    """Write down the actions of one head."""
+    kind = np.where(order.kind[rows] == UNIT_PARK, ActionKind.PARK, ActionKind.TRAVEL)
+    kind = np.where(actions.contour != NO_CONTOUR, ActionKind.PRINT, kind)
+    waiting, head = np.nonzero(order.after[rows] >= 0)
+    return HeadActions(
+        head=name,
+        kind=kind.astype(np.int8),
+        contour=actions.contour,
+        reversed=actions.reversed,
+        entry=actions.entry,
+        path_offsets=actions.offsets,
+        path=actions.path,
+        begin_s=begin[rows],
+        end_s=begin[rows] + seconds[rows],
+        after_offsets=np.searchsorted(waiting, np.arange(len(rows) + 1)).astype(np.int64),
+        after_head=head.astype(np.int32),
+        after_action=order.after[rows[waiting], head].astype(np.int32),
+        after_point=order.point[rows[waiting], head],
+        after_lag_s=np.zeros(len(head)),
+    )
+
+
+def _paths(
+    entered: Contours,
+    contour: NDArray[np.int32],
+    is_reversed: NDArray[np.bool_],
+    rows: NDArray[np.int64],
+    travels: Paths,
+) -> Paths:
+    """Return the nozzle's path of each action: that of its contour, else its unit's travel."""
+    prints, printed = contour != NO_CONTOUR, entered.offsets + len(travels.points)
+    begin = np.where(prints, printed[contour], travels.offsets[rows])
+    end = np.where(prints, printed[contour + 1], travels.offsets[rows + 1])
+    offsets = np.concatenate([[0], np.cumsum(end - begin)])
+    first, step = np.where(is_reversed, end - 1, begin), np.where(is_reversed, -1, 1)
+    along = np.arange(offsets[-1]) - np.repeat(offsets[:-1], end - begin)
+    at = np.repeat(first, end - begin) + np.repeat(step, end - begin) * along
+    return Paths(np.concatenate([travels.points, entered.points])[at], offsets)

@@ -3,6 +3,10 @@
 A travel of head r must clear whatever *may* be printed by then in any timing
 the partial order allows: all contours of every head not ordered after it (J5).
 That set only grows along a head, so one height field a head is enough.
+
+Room for the heights of what is printed, by which travels lift clear of it.
+
+Schedulers route travels by the kernels of `decmcts.team.schedule.routes_kernels`.
 """
 
 from __future__ import annotations
@@ -13,9 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.feasibility.packed_head import pack_contours, pack_head
-from decmcts.feasibility.travel import new_height_field
-from decmcts.feasibility.travel_kernels import HeightField, deposit
-from decmcts.print.contours import joined
+from decmcts.print.contours import Contours, joined
 from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -24,7 +26,15 @@ from decmcts.print.walls_kernels import Walls
 from decmcts.team.engine.joint_kernels import UNIT_PRINT
 from decmcts.team.engine.order import UnitOrder
 from decmcts.team.engine.space import Workspaces
-from decmcts.team.schedule.routes_kernels import Bends, RoutedUnits, travel_levels
+from decmcts.team.schedule.routes_kernels import (
+    EMPTY,
+    FANOUT,
+    Bends,
+    HeightField,
+    RoutedUnits,
+    deposit,
+    travel_levels,
+)
 from decmcts.team.schedule.timing import kinds_of_tools
 
 
@@ -190,3 +200,36 @@ def _straight(
     keep = np.ones((len(over), 4), np.bool_)
     keep[:, 1:] = (np.diff(over, axis=1) != 0.0).any(axis=2)
     return Paths(over[keep], np.concatenate([[0], np.cumsum(keep.sum(axis=1))]))
+
+
+CELL_MM = 0.5
+
+
+def new_height_field(
+    contours: Contours, *, clearance_mm: float, cell_mm: float = CELL_MM
+) -> HeightField:
+    """Return an empty field that holds all these contours, for any head.
+
+    Raises
+    ------
+    ValueError
+        If `cell_mm` is not above 0.
+    """
+    if not cell_mm > 0.0:
+        raise ValueError(f"cell_mm is {cell_mm}, it must be above 0")
+    low, high = np.zeros(2), np.zeros(2)
+    if len(contours):
+        margin = clearance_mm + float(contours.width.max()) / 2 + cell_mm
+        low = contours.points[:, :2].min(axis=0) - margin
+        high = contours.points[:, :2].max(axis=0) + margin
+    shapes = [np.maximum(np.ceil((high - low) / cell_mm).astype(np.int64), 1)]
+    while shapes[-1].max() > 1:
+        shapes.append(-(-shapes[-1] // FANOUT))
+    sizes = [int(shape.prod()) for shape in shapes]
+    return HeightField(
+        np.full(sum(sizes), EMPTY),
+        np.concatenate([[0], np.cumsum(sizes[:-1])]).astype(np.int64),
+        np.array(shapes),
+        low,
+        np.array([cell_mm * FANOUT**level for level in range(len(shapes))]),
+    )

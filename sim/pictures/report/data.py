@@ -1,4 +1,9 @@
-"""All that the report's page is told, as JSON and arrays; docs/report.md has its keys."""
+"""All that the report's page is told, as JSON and arrays; docs/report.md has its keys.
+
+Where a plan saves travel: by layer, and by the length of travels.
+
+What differs between two plans of one print, action by action, and where they cross walls.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +12,31 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.heads.head_dict import head_to_dict
+from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
 from decmcts.print.metrics import compared_order
-from decmcts.print.plan import PlanDocument
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.team.schedule.metrics import path_lengths
 from decmcts.version import __version__
-from sim.arrays import Floats
+from sim.arrays import Flags, Floats, Ints
+from sim.content.over_walls import crossed_by
+from sim.pictures.layer_travels import (
+    both_ends,
+    by_layer,
+    in_no_place_of,
+    layers_of,
+    most_changed,
+    travels_of,
+)
 from sim.pictures.report.anew import changes_by
 from sim.pictures.report.blobs import Blobs
-from sim.pictures.report.changes import flags_of
 from sim.pictures.report.cuts import cuts_of_page
 from sim.pictures.report.facts import CarriedOut, ReportDetails, facts_of
-from sim.pictures.report.saving import saving_of
 from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
 from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
 
@@ -187,3 +202,108 @@ def _graph(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any] | None
         "back": blobs.add(owner - graph.preds),  # how far before each contour
         "kinds": blobs.add(graph.kinds),
     }
+
+
+EDGES_MM = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)  # and above
+
+
+def saving_of(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:
+    """Return travel in mm before and after, by layer and by length; and where it changed most."""
+    numbers = layers_of(before)[0]
+    layers = int(numbers[-1]) + 1 if len(numbers) else 1
+    edges = np.array([*EDGES_MM, np.inf])
+    by_length: dict[str, Any] = {"edges_mm": list(EDGES_MM)}
+    each = [by_layer(travels_of(document), len(numbers)) for document in (before, after)]
+    of_layers: dict[str, Any] = {"layer": list(range(layers))}
+    for name, document, made in (("before", before, each[0]), ("after", after, each[1])):
+        mm = np.zeros(layers)
+        mm[numbers] = made
+        of_layers[name] = np.round(mm, 1).tolist()
+        mm = np.concatenate([np.zeros(0), *map(travel_lengths, document.plan.heads)])
+        by_length[name] = np.histogram(mm, edges)[0].tolist()
+        by_length[f"{name}_mm"] = np.round(np.histogram(mm, edges, weights=mm)[0], 1).tolist()
+    most = int(numbers[most_changed(*each)]) if len(numbers) else 0
+    return {"unit": "mm", "by_layer": of_layers, "by_length": by_length, "most_changed": most}
+
+
+def travel_lengths(actions: HeadActions) -> Floats:
+    """Return the length of each action of a head that does not print, mm."""
+    return np.asarray(path_lengths(actions)[actions.kind != ActionKind.PRINT])
+
+
+OTHER = np.uint8(1)  # a travel between places that the other plan has no travel between
+OVER_WALL = np.uint8(2)  # a travel that crosses an outer wall
+MOVED = np.uint8(4)  # a contour printed by another head, or much earlier or later in the order
+CROSSED = np.uint8(8)  # an outer wall that a travel of this plan crosses
+MUCH = 0.01  # of the order, by which a contour has moved
+NOWHERE = np.zeros((0, 6), np.int64)  # both ends of no travel
+
+OfHeads = tuple[NDArray[np.uint8], ...]  # flags of the actions of each head
+
+
+def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[OfHeads, OfHeads]:
+    """Return for each head of both plans the flags of its actions, (k,) each."""
+    plans = [document.plan.heads for document in (before, after)]
+    found = [[np.zeros(len(actions), np.uint8) for actions in plan] for plan in plans]
+    moved = moved_contours(before, after)
+    ends = [[_travels(actions) for actions in plan] for plan in plans]
+    for k in (0, 1):
+        others = np.concatenate([NOWHERE, *(there for _, there in ends[1 - k])])
+        for flags, (rows, mine) in zip(found[k], ends[k], strict=True):
+            flags[rows[in_no_place_of(mine, others)]] |= OTHER
+        over, walls = over_walls(before.contours, plans[k])
+        of_contours = moved * MOVED
+        of_contours[walls] |= CROSSED
+        for flags, rows, actions in zip(found[k], over, plans[k], strict=True):
+            flags[rows] |= OVER_WALL
+            printing = actions.kind == ActionKind.PRINT
+            flags[printing] |= of_contours[actions.contour[printing]]
+    return tuple(found[0]), tuple(found[1])
+
+
+def _travels(actions: HeadActions) -> tuple[Ints, Ints]:
+    """Return the actions that travel, (k,), and where both ends of each are, (k, 6)."""
+    rows = np.flatnonzero((actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK))
+    first, last = actions.path_offsets[rows], actions.path_offsets[rows + 1] - 1
+    return rows, both_ends(actions, first, last)
+
+
+def moved_contours(before: PlanDocument, after: PlanDocument) -> Flags:
+    """Tell which contours are printed by another head, or much earlier or later, (n,)."""
+    n = len(before.contours)
+    places = [_places(document, n) for document in (before, after)]
+    (head_was, place_was), (head_now, place_now) = places
+    return np.asarray((head_was != head_now) | (np.abs(place_was - place_now) > MUCH))
+
+
+def _places(document: PlanDocument, n: int) -> tuple[Ints, Floats]:
+    """Return the head that prints each contour, and its place in the order of all, 0 to 1."""
+    head, begin = np.zeros(n, np.int64), np.zeros(n)
+    for index, actions in enumerate(document.plan.heads):
+        printing = actions.kind == ActionKind.PRINT
+        head[actions.contour[printing]] = index
+        begin[actions.contour[printing]] = actions.begin_s[printing]
+    place = np.empty(n)
+    place[np.argsort(begin, kind="stable")] = np.arange(n) / max(n - 1, 1)
+    return head, place
+
+
+def over_walls(contours: Contours, heads: Sequence[HeadActions]) -> tuple[list[Ints], Ints]:
+    """Return of each head the actions that cross outer walls without printing, and those walls.
+
+    Walls of the layers of both ends of an action count: lifts are looked at from above.
+    """
+    legs = [_legs(actions) for actions in heads]
+    head = np.repeat(np.arange(len(heads)), [len(action) for action, *_ in legs])
+    action, *ends = (np.concatenate(column) for column in zip(*legs, strict=True))
+    leg, wall = crossed_by(contours, *ends)
+    return [action[leg[head[leg] == h]] for h in range(len(heads))], wall
+
+
+def _legs(actions: HeadActions) -> tuple[Ints, Floats, Floats, Floats, Floats]:
+    """Return straight parts of travels: action, both ends from above, heights of its ends."""
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    legs = np.flatnonzero((owner[1:] == owner[:-1]) & (actions.kind[owner[1:]] != ActionKind.PRINT))
+    flat, z, action = actions.path[:, :2], actions.path[:, 2], owner[legs]
+    begins, ends = actions.path_offsets[action], actions.path_offsets[action + 1] - 1
+    return action, flat[legs], flat[legs + 1], z[begins], z[ends]

@@ -89,7 +89,7 @@ def plan_of(
     label: str,
     blobs: Blobs,
 ) -> dict[str, Any]:
-    """Return one plan for the page; `flags` as in `sim.pictures.report.changes`."""
+    """Return one plan for the page; `flags` as in `sim.pictures.report.data`."""
     heads = [
         _head(document.contours, actions, _entries(document.contours, actions, drawn), flag, blobs)
         for actions, flag in zip(document.plan.heads, flags, strict=True)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.launching import crew as crews
-from agents.launching.crew import Crew
+from agents.launching import spawn as crews
 from agents.launching.processes import AgentLine, AgentProcess
+from agents.launching.spawn import Crew
 
 SLEEPS = (sys.executable, "-c", "import time; time.sleep(60)")
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from agents.launching.limits import GRACE_S, HUNG_S
-from agents.launching.liveness import Liveness
+from agents.launching.liveness import GRACE_S, HUNG_S, Liveness
 
 
 def test_a_pulse_is_no_word() -> None:

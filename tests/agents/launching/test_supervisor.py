@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.launching import supervisor as supervisors
-from agents.launching.limits import (
+from agents.launching.liveness import (
     AGREE_LIMIT_S,
     HUNG_S,
     LATE_LIMIT_S,

@@ -12,9 +12,9 @@ import pytest
 from agents.launching.places import free_ports
 from agents.networks.meeting import Meeting
 from agents.networks.zenoh_transport import ZenohTransport
-from agents.running import witnessing
+from agents.running import heads
+from agents.running.heads import WitnessProcess
 from agents.running.report import KIND
-from agents.running.witnessing import WitnessProcess
 
 pytestmark = pytest.mark.slow
 SECRET = bytes(range(32))
@@ -68,15 +68,15 @@ def test_the_late_end_of_a_witness_that_hung_ends_no_other(
     """The next one is heard out. It had ended unheard, and a head that works was stopped."""
     asked = tmp_path / "asked"
     script = HANGS_ONCE.format(mark=str(asked))
-    monkeypatch.setattr(witnessing, "COMMAND", (sys.executable, "-c", script))
-    monkeypatch.setattr(witnessing, "MOST_S", 0.5)
+    monkeypatch.setattr(heads, "COMMAND", (sys.executable, "-c", script))
+    monkeypatch.setattr(heads, "MOST_S", 0.5)
     witness = WitnessProcess(Meeting(("a", "b", "c"), SECRET), 1)
     witness.ask()
     while not asked.exists():  # on a busy host it begins late
         time.sleep(0.02)
     wait_for(witness)
     assert witness.heard == ()
-    monkeypatch.setattr(witnessing, "MOST_S", 20.0)
+    monkeypatch.setattr(heads, "MOST_S", 20.0)
     witness.ask()
     wait_for(witness)
     witness.end()

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from decmcts.experiments.catalogue import EXPERIMENTS
-from sim.experiments.made_print import made_gcode
+from decmcts.experiments.made_print import made_gcode
+from decmcts.experiments.run import EXPERIMENTS
 
 
 def test_without_a_name_all_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

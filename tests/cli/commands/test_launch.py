@@ -9,10 +9,10 @@ import pytest
 
 from decmcts.cli.commands.replay import read_record
 from decmcts.cli.run import run
+from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.print.plan import ActionKind
 from decmcts.samples import sample_path
-from sim.experiments.made_print import made_gcode
 from sim.verify import verify_plan
 from tests.makers.two_tools import made_tools_gcode
 from tests.prints import four_parts

@@ -9,7 +9,7 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
-from decmcts.planning.problem.exported import NAME
+from decmcts.planning.problem.source import NAME
 from decmcts.planning.result import Result
 from tests.planning.problem.test_first_check import LAYERS
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.formats.files.drafts import STALE_S, draft_folder
+from decmcts.formats.files.atomic import STALE_S, draft_folder
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ from decmcts.formats.machines.machine_file import (
     preset_for_printer,
     preset_names,
 )
-from decmcts.print.idle import Idle, Practice
+from decmcts.print.machine import Idle, Practice
 
 GOOD = """
 name = "mine"

@@ -7,8 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import SIZES, rail_machine
+from decmcts.formats.machines.machine_file import SIZES, load_machine, rail_machine
 from decmcts.print.machine import Body, Head, Machine
 
 

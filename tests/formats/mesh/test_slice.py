@@ -12,9 +12,9 @@ import trimesh
 
 from decmcts.errors import InputError
 from decmcts.formats.mesh import SliceOptions, slice_mesh, slice_to_gcode
-from decmcts.formats.mesh.infill import border_joints, zigzags
 from decmcts.formats.mesh.options import Bed
 from decmcts.formats.mesh.sections import Layers, cut_layers, find_shells
+from decmcts.formats.mesh.toolpaths import border_joints, zigzags
 from decmcts.print.contours import Role
 
 FILAMENT_MM2 = math.pi * 1.75**2 / 4.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.planning.problem.by_tool import ToolRuns, by_tool
+from decmcts.planning.problem.fewer_changes import ToolRuns, by_tool
 
 
 def runs_of(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.planning.problem.exported import HOST, NAME, beside, exported_file, is_foreign
+from decmcts.planning.problem.source import HOST, NAME, beside, exported_file, is_foreign
 
 
 def test_the_final_name_is_the_slicers(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_header import SAFE
 from decmcts.planning.problem.layer_by_layer import with_epochs
-from sim.files.phases import in_phases
+from sim.files.temperatures import in_phases
 from tests.formats.gcode.text.packed import gcode_3mf
 from tests.makers.one_by_one import BETWEEN, COOLER, one_by_one
 from tests.sim.pictures.report.unpacking import page_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.planners.source import load_source
+from agents.planners.pack import load_source
 from decmcts.cli.run import run
 from decmcts.feasibility.graph import EdgeKind
 from decmcts.formats.gcode import read_gcode

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from agents.launching.status import LaunchError
+from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
@@ -24,7 +25,6 @@ from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule
-from sim.experiments.made_print import made_gcode
 from sim.faults import Fault
 from sim.replay.fenced import check_fenced
 from tests.makers.agents import Agents

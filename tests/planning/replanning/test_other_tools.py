@@ -19,7 +19,7 @@ from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.source import Source, read_source
-from decmcts.planning.replanning.other_tools import (
+from decmcts.planning.replanning.fenced import (
     differences,
     needed,
     other_tools,

@@ -13,8 +13,7 @@ from decmcts.formats.gcode.writing.parts import contours_of
 from decmcts.planning.options import Cut, TeamSearch
 from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.replanning.replan import Rest, replan, rest_of, search_of
-from decmcts.planning.replanning.rest import LeftBeads
-from decmcts.planning.replanning.stretches import stretches_left
+from decmcts.planning.replanning.rest import LeftBeads, stretches_left
 from decmcts.print.contours import Contours
 from decmcts.print.print_state import PrintState, state_of_events, state_of_layers
 from tests.planning.replanning.conftest import Made, log_until, within_print

@@ -19,9 +19,8 @@ from decmcts.planning.events import Event, Note
 from decmcts.planning.running import failing, launcher, renewing
 from decmcts.planning.running.launcher import Launcher
 from decmcts.planning.running.options import RunOptions
-from decmcts.planning.running.parking import parking_plan
 from decmcts.planning.running.recorded import nearest
-from decmcts.planning.running.renewing import Begin, NotRenewed, Parking, Renewed
+from decmcts.planning.running.renewing import Begin, NotRenewed, Parking, Renewed, parking_plan
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point

@@ -10,7 +10,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
-from decmcts.planning.running.parking import parking_plan
+from decmcts.planning.running.renewing import parking_plan
 from decmcts.print.machine import Fenced
 from sim.controllers.feeding import Work
 from sim.controllers.from_plan import programs_of_plan

@@ -17,12 +17,11 @@ from agents.launch import LaunchResult
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.writing.parts import uncut_segments
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Event, Note, unheard
 from decmcts.planning.options import Cut, Freedom, Limits, Rules, TeamSearch
-from decmcts.planning.problem.by_pieces import before_by_pieces
+from decmcts.planning.problem.planned import before_by_pieces
 from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.problem.source import read_source
 from decmcts.planning.read import read
@@ -44,13 +43,12 @@ from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.entries import entries_of
 from sim.content.arcs import turns_of_print
 from sim.content.inventory import move_segments
-from sim.content.pieces import parted_source
-from sim.content.welds import welds_of
+from sim.content.pieces import parted_source, welds_of
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
 from sim.pictures.layer_travels import travels_of
 from sim.pictures.layer_view import draw_pieces
-from sim.pictures.report.saving import saving_of
+from sim.pictures.report.data import saving_of
 from sim.verify import verify_plan
 from tests.conftest import opened
 from tests.makers.agents import Agents

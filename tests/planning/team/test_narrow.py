@@ -9,7 +9,7 @@ import pytest
 
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.problem.print_problem import load
-from decmcts.planning.team.narrow import narrow_note, shared
+from decmcts.planning.team.pipeline import narrow_note, shared
 from tests.prints import slab
 
 

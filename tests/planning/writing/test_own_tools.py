@@ -22,10 +22,10 @@ from decmcts.planning.problem.source import read_source
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.contours import Role
-from decmcts.print.idle import IDLE_S, Practice
+from decmcts.print.machine import IDLE_S, Practice
 from sim.controllers.from_files import programs_of_files
 from sim.controllers.simulate import simulate
-from sim.files.tower import read_without_tower
+from sim.files.written import read_without_tower
 from sim.heads.changes import without_changes
 from tests.makers.agents import Agents
 from tests.makers.two_tools import made_tools_gcode

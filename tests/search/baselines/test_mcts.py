@@ -20,7 +20,7 @@ from decmcts.search.baselines.mcts_kernels import (
     simulate_many,
     with_room,
 )
-from decmcts.search.sequence.tour_kernels import longest_hop, respects
+from decmcts.search.sequence.metric_kernels import longest_hop, respects
 from tests.search.problems import random_problem, tour_cost
 
 

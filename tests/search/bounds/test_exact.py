@@ -14,9 +14,9 @@ from decmcts.search.bounds.ideals_kernels import WINDOW
 from decmcts.search.hybrid.phases import Exact, Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.entries_kernels import visits_cost
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import (
     box_walls,
     choices,

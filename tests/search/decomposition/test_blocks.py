@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from decmcts.random_kernels import seeded
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.sequence.anneal_kernels import anneal
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import random_problem, tour_cost
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.search.decomposition.blocks import Sequence, crossover
-from decmcts.search.sequence.tour_kernels import respects
+from decmcts.search.sequence.metric_kernels import respects
 from tests.search.problems import found, varied
 
 CASES = [0, 1, 2, 3, 4, 5]  # points, loops, seconds, twice; see `varied`

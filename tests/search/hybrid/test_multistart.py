@@ -14,8 +14,7 @@ from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import Threads, anneal_sequences, open_threads
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.search import HybridSearch
-from decmcts.search.hybrid.starts import LayeredStart
+from decmcts.search.hybrid.search import HybridSearch, LayeredStart
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem

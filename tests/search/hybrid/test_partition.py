@@ -9,8 +9,7 @@ import pytest
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_blocks
-from decmcts.search.hybrid.multistart import Multistart
-from decmcts.search.hybrid.partition import Partition
+from decmcts.search.hybrid.multistart import Multistart, Partition
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
@@ -30,7 +29,7 @@ def test_goes_on_from_the_best_of_what_it_has_half_way(monkeypatch: pytest.Monke
         begun.append((sequence.cost, incumbent.cost))
         yield from anneal_blocks(incumbent, sequence, *args, **options)
 
-    monkeypatch.setattr("decmcts.search.hybrid.partition.anneal_blocks", watched)
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_blocks", watched)
     hardly_cooled = Partition(warm=1.4)
     planner = Hybrid(multistart=NO_STARTS, partition=hardly_cooled)
     problem = random_problem(5, 300, density=0.01)

@@ -9,8 +9,7 @@ import pytest
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import open_threads
-from decmcts.search.hybrid.search import HybridSearch
-from decmcts.search.hybrid.starts import LayeredStart, Starts
+from decmcts.search.hybrid.search import HybridSearch, LayeredStart, Starts
 from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.greedy import layer_runs
 from decmcts.search.sequence.problem import OrderProblem

@@ -12,12 +12,12 @@ from decmcts.random_kernels import seeded
 from decmcts.search.bounds.exact import Capacity, slack_of
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.decomposition.threads import open_threads
-from decmcts.search.hybrid.windows import WindowSolver, improve_windows
+from decmcts.search.hybrid.phases import WindowSolver, improve_windows
 from decmcts.search.hybrid.windows_kernels import solve_window
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sequence.tour_kernels import respects
 from tests.search.bounds.test_exact import kinds
 from tests.search.problems import choices, found, price, random_problem, varied
 

@@ -14,7 +14,7 @@ from decmcts.random_kernels import below, seeded, uniform
 from decmcts.search.decomposition.descent_kernels import descend
 from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.insertion_kernels import try_insertion
-from decmcts.search.sequence.metric_kernels import costliest, distance
+from decmcts.search.sequence.metric_kernels import costliest, distance, respects
 from decmcts.search.sequence.moves_kernels import (
     Tour,
     apply_reversal,
@@ -23,7 +23,6 @@ from decmcts.search.sequence.moves_kernels import (
     swap_allowed,
 )
 from decmcts.search.sequence.problem import OrderProblem, Pace
-from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import price, random_problem, sliced_tour, tour_cost, with_bare
 
 

@@ -17,6 +17,7 @@ from decmcts.search.decomposition.descent_kernels import descend
 from decmcts.search.planners import KEEP_LAGS, PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.insertion_kernels import try_insertion
+from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.moves_kernels import (
     Tour,
     apply_reversal,
@@ -28,7 +29,6 @@ from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
-from decmcts.search.sequence.tour_kernels import respects
 from tests.search.problems import random_problem, sliced_tour, started, tour_cost, with_loops
 
 

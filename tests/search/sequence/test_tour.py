@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts.search.sequence.entries_kernels import choose_visits
-from decmcts.search.sequence.tour_kernels import respects
+from decmcts.search.sequence.metric_kernels import respects
 from tests.search.problems import random_problem, tour_cost
 
 

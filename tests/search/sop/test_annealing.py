@@ -7,7 +7,7 @@ import pytest
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import seeded
-from decmcts.search.sequence.annealing import TemperatureSchedule
+from decmcts.search.sequence.stopping import TemperatureSchedule
 from decmcts.search.sop.annealing import NearSteps, luby, quenched
 from decmcts.search.sop.annealing_kernels import Bare, Shares, anneal_bare
 from decmcts.search.sop.precedence import Precedence

@@ -8,8 +8,7 @@ import pytest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import seeded
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.annealing import SHARES, NearSteps
-from decmcts.search.sop.elites import EliteAnnealer, Elites
+from decmcts.search.sop.annealing import SHARES, EliteAnnealer, Elites, NearSteps
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.solver import search_sop
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from decmcts.errors import InputError
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.assignment import assign, patch_cycles
-from decmcts.search.sop.assignment_tree import AssignmentTree
+from decmcts.search.sop.assignment import AssignmentTree, assign, patch_cycles
 from decmcts.search.sop.beam import Beam
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.solver import search_sop

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from decmcts.print.plan import ACTION_END, ActionKind
-from sim.content.legs import legs_of
+from sim.content.paths import legs_of
 from sim.faults import FaultKind
 from sim.replay.execution import arrivals_of, execute, run_trial, timing_factors
-from sim.replay.growth import beads_for
+from sim.replay.fenced import beads_for
 from sim.rules.order import order_of
 from sim.verify import all_actions_of, verify_plan
 

@@ -11,7 +11,7 @@ import pytest
 
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.writing.parts import contours_of
-from decmcts.planning.replanning.stretches import stretches_left
+from decmcts.planning.replanning.rest import stretches_left
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.plan import PlanDocument
 from sim.content.inventory import contour_segments

@@ -8,9 +8,8 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.dec_mcts.warm_up import smallest_problem
 from decmcts.team.schedule.joint_plan import schedule
-from sim.controllers.events import events_of
 from sim.controllers.from_plan import programs_of_plan
-from sim.controllers.simulate import simulate
+from sim.controllers.simulate import events_of, simulate
 
 
 def test_a_head_with_nothing_to_do_stands_at_its_park() -> None:

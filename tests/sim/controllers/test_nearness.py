@@ -10,8 +10,7 @@ from sim.controllers.nearness import gap_between, shape_of
 from sim.controllers.program import StopKind
 from sim.controllers.simulate import simulate
 from sim.controllers.timing import Timing
-from sim.replay.collision import Solid
-from sim.replay.shapes import parts_of
+from sim.replay.shapes import Solid, parts_of
 from tests.sim.controllers.programs import pair, program
 
 

@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from decmcts.print.machine import Body, Head, Machine, Slice
-from sim.controllers.beads import NO_LAYER, TRAVEL, Material, MoveBeads, material_of_files
 from sim.controllers.from_files import first_layer_of
+from sim.controllers.print_contacts import NO_LAYER, TRAVEL, Material, MoveBeads, material_of_files
 from sim.controllers.print_search import bare, lay
 from sim.controllers.program import StopKind
 from sim.controllers.simulate import simulate

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from decmcts.experiments.timing import by_the_clock
 from sim.controllers.carry_out import carry_out
 from sim.controllers.program import HeadProgram, StopKind
 from sim.controllers.timing import Error, no_error
-from sim.experiments.by_the_clock import by_the_clock
 from tests.sim.controllers.programs import program
 
 SECONDS = [np.array([10.0, 4.0]), np.array([3.0, 5.0])]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
+from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from decmcts.print.toolpath import Toolpath
-from sim.experiments.made_print import made_gcode
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from tests.direct_actions import direct_actions

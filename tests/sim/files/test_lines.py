@@ -7,9 +7,7 @@ import re
 
 import pytest
 
-from sim.files.command_book import command_in, commands_of
-from sim.files.commands import _MOVE, _PLAIN
-from sim.files.lines import not_plain
+from sim.files.commands import _MOVE, _PLAIN, command_in, commands_of, not_plain
 
 MOVE = re.compile(rb"G[0-3](?![\d.])", re.I)
 NAMES = (b"G1", b"G12", b"G2", b"G01", b"g1", b"G1.", b"M104", b"", b";", b"(", b" ")

@@ -9,10 +9,9 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from decmcts.print.machine import Machine
-from decmcts.print.sync_words import SyncWords
+from decmcts.print.machine import Machine, SyncWords
 from sim.faults import Fault, FaultKind, listed
-from sim.heads.words import M42, SYSTEMS, WHEN_READ, check_words, of_m42
+from sim.heads.together import M42, SYSTEMS, WHEN_READ, check_words, of_m42
 
 DROPPED_S = 0.1  # Klipper drops changes of an output nearer than this
 _SECTION = re.compile(r"^\[([^\]]+)\][^\n]*\n((?:[^\[\n][^\n]*\n|\n)*)", re.M)

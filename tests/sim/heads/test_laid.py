@@ -13,7 +13,7 @@ from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.text.lines import split_lines
 from decmcts.print.contours import Contours
-from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, pairs_of_states
+from sim.heads.file import E_MM, FEED_MM_S, SAME_MM, pairs_of_states
 
 START = "G28\nG90\nM83\nM106 S9\nG1 X0 Y0 Z.2 F6000\n"
 LINE = "G1 X{x} Y0 F6000\nG1 X{x} Y9 E.3 F1800\nM106 S{x}\nG1 X{x} Y20 E.4\nG1 X{r} Y20 E.5 F900\n"

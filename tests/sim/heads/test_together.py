@@ -13,9 +13,8 @@ import pytest
 from decmcts.formats.gcode import read_gcode, write_head_gcode
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.writing.own_lines import own_lines
-from decmcts.print.machine import Release
+from decmcts.print.machine import USUAL_WORDS, Release, SyncWords
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
-from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.heads.file import own_commands, read_head_file

@@ -17,11 +17,10 @@ from decmcts.print.plan import ActionKind, JointPlan
 from sim.pictures import drawings as pictures
 from sim.pictures.canvas import TRAVEL
 from sim.pictures.charts import EXACT, activity, title_lines
-from sim.pictures.drawings import draw_plan
+from sim.pictures.drawings import draw_plan, sheet_of
 from sim.pictures.layer_travels import layers_of, travels_of
 from sim.pictures.layer_view import LayerView, changed_colour, draw_layer, round_beads_of
 from sim.pictures.machine_picture import draw_machine
-from sim.pictures.sheet import sheet_of
 
 RED = np.array([214, 39, 40]) / 255
 

@@ -9,10 +9,9 @@ import pytest
 
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.machine import Machine
-from sim.pictures.heads_in_row import HeadsInRow, row_of
 from sim.pictures.machine_picture import draw_machine
-from sim.replay.collision import Solid
-from sim.replay.shapes import parts_of
+from sim.pictures.row_picture import HeadsInRow, row_of
+from sim.replay.shapes import Solid, parts_of
 from tests.makers.random_machines import random_machine
 
 

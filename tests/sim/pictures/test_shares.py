@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from decmcts.print.plan import ActionKind
-from sim.pictures import shares
-from sim.pictures.shares import bead_grids, striped
+from sim.pictures import drawings
+from sim.pictures.drawings import bead_grids, striped
 
 
 def box(document):
@@ -18,7 +18,7 @@ def box(document):
 @pytest.mark.parametrize("chunk", [7, 10**6])
 def test_each_head_has_beads_where_it_prints_and_nowhere_else(make, monkeypatch, chunk):
     """However few samples are taken at a time."""
-    monkeypatch.setattr(shares, "CHUNK", chunk)
+    monkeypatch.setattr(drawings, "CHUNK", chunk)
     document = make.two_head_plan()
     extent = box(document)
     grids = bead_grids(document, (0, 1), extent, cells=60)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.replay.collision import Solid, prism_vertices, swept_vertices
+from sim.replay.shapes import Solid, prism_vertices, swept_vertices
 
 
 def box_vertices(low: np.ndarray, high: np.ndarray) -> np.ndarray:

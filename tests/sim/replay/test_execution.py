@@ -10,7 +10,7 @@ import pytest
 from decmcts.print.loops import traversal
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind
-from sim.content.legs import legs_of
+from sim.content.paths import legs_of
 from sim.faults import FaultKind
 from sim.replay.execution import (
     TimedPath,

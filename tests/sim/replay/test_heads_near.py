@@ -10,7 +10,7 @@ import shapely
 
 from decmcts.print.machine import Body, Head, Slice
 from decmcts.print.plan import ACTION_END, ActionKind
-from sim.content.legs import legs_of
+from sim.content.paths import legs_of
 from sim.replay import heads_near
 from sim.replay.bodies import concurrent, path_gap
 from sim.replay.heads_near import least_gap, outermost

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.content.legs import legs_of
-from sim.rules.least_time import LeastTime
+from sim.content.paths import legs_of
+from sim.rules.cooling import LeastTime
 from sim.rules.order import order_of
 
 

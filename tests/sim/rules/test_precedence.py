@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from decmcts.feasibility.build import build_graph, closure_of
-from decmcts.feasibility.lead import limit_lead
+from decmcts.feasibility.rules import limit_lead
 from decmcts.print.contours import Role
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import JointPlan, OrderRules

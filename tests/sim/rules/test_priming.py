@@ -14,7 +14,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.files.written import verify_written
-from sim.rules.priming import starts_of
+from sim.rules.order_rules import starts_of
 from sim.verify import verify_plan
 from tests.direct_actions import direct_actions
 from tests.sim.conftest import (

@@ -9,7 +9,7 @@ from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut
 from decmcts.planning.problem.print_problem import load
 from decmcts.planning.team.cutting import best_sweep
-from decmcts.team.cutting.travels import with_less_travel
+from decmcts.team.cutting.sweep import with_less_travel
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import is_allowed

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from decmcts.team.dec_mcts import planner as dec_mcts
+from decmcts.team.dec_mcts.exchange import rearranges
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters
-from decmcts.team.dec_mcts.rearrange import rearranges
 from decmcts.team.engine.plans import StatedOrder, encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.team.dec_mcts.polish import Polish
-from decmcts.team.dec_mcts.tails_kernels import find_tails
+from decmcts.team.dec_mcts.windows_kernels import find_tails
 from decmcts.team.engine.plans import StatedOrder, encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.replay_kernels import replay

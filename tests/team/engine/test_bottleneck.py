@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.team.engine.bottleneck import bottleneck
+from decmcts.team.engine.problem import bottleneck
 
 
 def _boxes(x: list[float]) -> np.ndarray:

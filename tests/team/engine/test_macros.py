@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from decmcts.team.engine.macros import MACROS, cut_macros, numbered, part_of, part_progress
+from decmcts.team.engine.problem import MACROS, cut_macros, numbered, part_of, part_progress
 
 
 def test_parts_are_connected_footprints(case_of: Callable[..., Any]) -> None:

@@ -11,8 +11,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
-from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.print.lags_kernels import no_lags
 from decmcts.print.machine import Body, Head, Machine, Rail
 from decmcts.print.machine_fit import require_printable
@@ -21,11 +20,10 @@ from decmcts.team.dec_mcts.warm_up import smallest_job
 from decmcts.team.engine.aside_kernels import path_from_parks
 from decmcts.team.engine.carry_out_kernels import eligible_heads
 from decmcts.team.engine.joint_kernels import Visits
-from decmcts.team.engine.pieces_kernels import cut_pieces
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.engine.space import body_boxes, build_space, fleet_of, relation_of, whole_pieces
-from decmcts.team.engine.spaces_kernels import meet
+from decmcts.team.engine.spaces_kernels import cut_pieces, meet
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 

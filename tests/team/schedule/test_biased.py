@@ -15,8 +15,7 @@ from decmcts.print.seam import seam_entries
 from decmcts.team.engine.plans import TUNED, encode
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.schedule.biased import biased_entries
-from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of
+from decmcts.team.schedule.entries import OrderChoices, agreed_job, biased_entries, entries_of
 
 LEFT = [(50, 10), (50, 50), (30, 50), (10, 50), (10, 10), (30, 10), (50, 10)]
 

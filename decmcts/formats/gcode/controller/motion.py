@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
-from decmcts.formats.gcode.controller import arcs_kernels as curves
+from decmcts.formats.gcode.controller import moves_kernels as curves
 from decmcts.formats.gcode.controller import moves_kernels as kernels
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN, classify, without_brackets
 from decmcts.formats.gcode.document import NO_ARC, Arcs

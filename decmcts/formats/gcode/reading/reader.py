@@ -31,6 +31,7 @@ from decmcts.formats.gcode.reading.gaps import (
     travel_states,
 )
 from decmcts.formats.gcode.reading.grouping import (
+    REFILLS,
     Parsed,
     find_runs,
     refuse_unsafe,
@@ -51,7 +52,6 @@ from decmcts.print.motion import limits_of
 from decmcts.print.motion_kernels import PRINTING
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
-REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after
 _PACKED = re.compile(r"\.gz$|(?<=\.gcode)\.3mf$", re.I)
 _SIGNS = together("signs")
 _SLICERS = re.compile(rb"(%b)[ ,]*(?:Version )?([\w.+-]*)" % either("signs"))

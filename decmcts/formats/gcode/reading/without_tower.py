@@ -13,7 +13,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import Kind, classify, role_of
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.contours import Role
-from decmcts.print.idle import UNLOAD_MM
+from decmcts.print.machine import UNLOAD_MM
 
 _LAYS = re.compile(rb"G0*[1-3](?![0-9.])(?=[^;(]*[XY])", re.I)
 _PUSHED = re.compile(rb"(?<![ \t])[ \t]*+E[ \t]*+\+?(?:\d++\.?\d*+|\.\d++)", re.I)

@@ -40,7 +40,12 @@ again by the clock before it has to go on (`decmcts.print.stands`):
     M109 S210
 
 The commands are macros the machine's host provides; a machine may have other words for them
-(`decmcts.print.sync_words`). A controller that ignores them must not run these files.
+(`decmcts.print.machine`). A controller that ignores them must not run these files.
+
+G-code that takes a head to its park where a print was broken off: moves, and nothing else.
+
+In the coordinates of the head's file of that print, which its controller still counts in. No
+start code, no homing, no heating, no filament.
 """
 
 from __future__ import annotations
@@ -70,12 +75,10 @@ from decmcts.formats.gcode.writing.hot_ends import (
 )
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import OwnFilament, feeds_one_bead, own_lines
-from decmcts.formats.gcode.writing.park_file import Z_FEED
 from decmcts.formats.gcode.writing.sync_points import HeadWaits, SyncPoints, number_sync_points
 from decmcts.formats.gcode.writing.writer import first_state, print_contour, prints_ahead
-from decmcts.print.idle import Idle
-from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.job import DEFAULT_TRAVEL, PrintJob, ProcessSettings
+from decmcts.print.machine import Idle, Machine
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.stands import primed_before, standby_in, stands_of
 from decmcts.print.walls import walls_for
@@ -323,3 +326,21 @@ def _split_first(text: bytes, header: Sequence[str]) -> tuple[bytes, bytes]:
         at = text.find(header[-1].splitlines()[-1].encode("utf-8", "surrogateescape"))
     at = text.find(b"\n", at) + 1 if at >= 0 else 0
     return text[:at], text[at:]
+
+
+Z_FEED = 10.0  # mm/s, where the source names none
+
+AxisWords = tuple[float | None, float | None, float | None]  # where a move ends; None: as it was
+
+
+def park_gcode(
+    comments: Sequence[str], moves: Sequence[AxisWords], settings: ProcessSettings, newline: bytes
+) -> bytes:
+    """Return the text of a file with these comments and moves; settings have the feeds."""
+    z_feed, feed = settings.z_feed or Z_FEED, settings.travel_feed or DEFAULT_TRAVEL
+    lines = [*(f"; {comment}" for comment in comments), "G21 ; mm", "G90 ; absolute"]
+    for words in moves:
+        named = [f"{axis}{at:.3f}" for axis, at in zip("XYZ", words, strict=True) if at is not None]
+        lines.append(f"G1 {' '.join(named)} F{(z_feed if words[2] is not None else feed) * 60:.0f}")
+    lines.append("M400")
+    return b"".join(line.encode("utf-8", "surrogateescape") + newline for line in lines)

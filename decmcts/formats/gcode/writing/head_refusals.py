@@ -15,9 +15,8 @@ from decmcts.formats.gcode.writing.hot_ends import refuse_cold
 from decmcts.formats.gcode.writing.own_lines import pushed_by_moves
 from decmcts.formats.gcode.writing.sync_points import SyncPoints
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Machine, SyncWords, pattern_of
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
-from decmcts.print.sync_words import SyncWords, pattern_of
 
 PRIMES_MM = 0.1  # of filament; less primes nothing
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")

@@ -39,8 +39,8 @@ from decmcts.formats.gcode.writing.hot_ends import (
     unknown_row,
 )  # fmt: skip
 from decmcts.formats.gcode.writing.parts import without_blocks
-from decmcts.print.idle import UNLOAD_MM, Practice
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import UNLOAD_MM, Practice
 
 _QUIET = re.compile(
     rb"(?:G0*(?:[0-4]|1[01](?![^;]*[PL])|9[01])|M(?:400|8[23]|220))(?![0-9.])|G92 *E", re.I

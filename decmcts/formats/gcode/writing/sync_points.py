@@ -21,11 +21,10 @@ import numpy as np
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK, WAIT_MARK
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Release
+from decmcts.print.machine import Release, SyncWords, with_number
 from decmcts.print.plan import ACTION_END, JointPlan
 from decmcts.print.signals import Action, Place, place_of, signals_of
 from decmcts.print.stands import Standby
-from decmcts.print.sync_words import SyncWords, with_number
 
 LONGEST_DWELL_S = 600.0  # of one G4
 

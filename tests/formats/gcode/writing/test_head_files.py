@@ -12,8 +12,8 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note, write_head_gcode
 from decmcts.formats.machines.machine_file import load_machine
+from decmcts.print.machine import SyncWords
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
-from decmcts.print.sync_words import SyncWords
 from decmcts.print.toolpath import Toolpath
 from tests.direct_actions import direct_actions
 from tests.makers.parked import parked

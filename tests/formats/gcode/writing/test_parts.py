@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
+from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.document import Block
 from decmcts.formats.gcode.writing.parts import Stretch, contours_of, with_stretches
 from decmcts.print.contours import Contours, joined, taken
-from sim.experiments.made_print import made_gcode
 
 
 def whole(contours: Contours, c: int) -> Stretch:

@@ -12,8 +12,15 @@ from decmcts.print.contours import Role
 from decmcts.print.plan import ActionKind, JointPlan
 from sim.content.over_walls import over_walls_mm
 from sim.pictures.layer_travels import by_layer, most_changed, travels_of
-from sim.pictures.report.changes import CROSSED, MOVED, OTHER, OVER_WALL, flags_of
-from sim.pictures.report.saving import saving_of, travel_lengths
+from sim.pictures.report.data import (
+    CROSSED,
+    MOVED,
+    OTHER,
+    OVER_WALL,
+    flags_of,
+    saving_of,
+    travel_lengths,
+)
 
 
 def reordered(make, order):

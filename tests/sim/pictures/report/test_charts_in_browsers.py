@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from decmcts import Result
 from decmcts.print.plan import PlanDocument
-from sim.pictures.report.saving import travel_lengths
+from sim.pictures.report.data import travel_lengths
 from tests.conftest import opened
 
 pytestmark = pytest.mark.slow

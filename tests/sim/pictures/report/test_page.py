@@ -11,7 +11,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from decmcts.planning.problem.exported import is_foreign
+from decmcts.planning.problem.source import is_foreign
 from decmcts.print.plan import ActionKind
 from sim.pictures.drawings import draw_plan
 from sim.pictures.report import ReportDetails, write_report

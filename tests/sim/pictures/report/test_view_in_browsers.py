@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page
 
 from decmcts import Result
 from decmcts.print.plan import ActionKind
-from sim.pictures.report.changes import OTHER, OVER_WALL, flags_of
+from sim.pictures.report.data import OTHER, OVER_WALL, flags_of
 from tests.conftest import opened
 
 pytestmark = pytest.mark.slow
