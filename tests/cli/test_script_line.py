@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import post as lines
+from decmcts.cli.commands import post as lines
 from decmcts.cli.commands.post import completed, own_program, script_line, wherever_it_runs
 from decmcts.cli.run import run
 
