@@ -57,9 +57,9 @@ def test_the_head_lifts_within_the_machine_and_parks() -> None:
     assert end[1:4] == ["G1 E-1 F2400", "G1 Z10.500 F600 ; up", "G1 X5.000 Y205.000 F9000 ; park"]
     assert "M104 S0 ; nozzle off" in end
     assert text.index(";Z:0.5") < text.index("M106 S255 ; fan")  # from the second layer on
-    tall = {**BARS, "points": BARS["points"] + [0.0, 0.0, 215.0]}
+    tall = {**BARS, "points": BARS["points"] + [0.0, 0.0, 195.0]}
     source = from_arrays(**tall)
-    assert "G1 Z220.000 F600 ; up" in source.path.read_text()
+    assert "G1 Z200.000 F600 ; up" in source.path.read_text()
 
 
 @pytest.mark.parametrize(

@@ -37,11 +37,11 @@ def load_solid(path: Path, bed: Bed) -> trimesh.Trimesh:
         )
     if mesh.extents.min() == 0.0:
         raise InputError("the mesh is flat", path=path)
-    most = np.array([*np.subtract(bed.high, bed.low), bed.height])
-    if (mesh.extents > most).any():
+    most = np.subtract(bed.high, bed.low)
+    if (mesh.extents[:2] > most).any():
         size, space = (" x ".join(f"{x:.4g}" for x in xyz) for xyz in (mesh.extents, most))
         raise InputError(
-            f"the mesh is {size} mm, larger than what can be printed, {space} mm",
+            f"the mesh is {size} mm, larger than the bed, {space} mm",
             path=path,
             advice="check its units, or choose a larger machine",
         )

@@ -171,7 +171,7 @@ class Slicing:
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def slice_for(self, mesh: Path, machine: Machine, folder: Path, chosen: Chosen) -> Path:
+    def slice_with(self, chosen: Chosen, mesh: Path, machine: Machine, folder: Path) -> Path:
         """Slice a mesh for a machine and return the G-code file, in a folder."""
         options, source = self.options.for_machine(machine), mesh
         if chosen.slicer == Slicer.CURA:  # it cannot put a mesh on a bed

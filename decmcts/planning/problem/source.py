@@ -100,7 +100,7 @@ def read_source(
         sliced_by = str(slicer.program)
         report(Step(f"slicing {path.name} with {sliced_by}"))
         folder = SlicedFolder()
-        sliced = how.slice_for(path, chosen, folder.path, slicer)
+        sliced = how.slice_with(slicer, path, chosen, folder.path)
         seconds.append(("slice", time.perf_counter() - started))
     started = time.perf_counter()
     report(Step(f"reading {path.name}"))

@@ -175,7 +175,7 @@ def test_numbers_of_a_text_stl_may_be_long(tmp_path):
 def test_a_mesh_in_other_units_is_refused_before_it_is_sliced(tmp_path):
     """A cube of 2 m, as of a file in micrometres, was sliced for minutes."""
     cube = save(trimesh.creation.box([2000.0, 2000.0, 2000.0]), tmp_path / "cube.stl")
-    said = "is 2000 x 2000 x 2000 mm, larger than what can be printed, 200 x 160 x 90 mm"
+    said = "is 2000 x 2000 x 2000 mm, larger than the bed, 200 x 160 mm"
     with pytest.raises(InputError, match=said):
         load_solid(cube, BED)
 

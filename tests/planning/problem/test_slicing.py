@@ -25,7 +25,9 @@ from decmcts.planning.problem.slicing import (
     usable,
     why,
 )
+from decmcts.planning.read import read
 from decmcts.print.contours import Role
+from decmcts.samples import sample_path
 
 PLAN = ["--machine", "mk4s", "--planner", "slicer", "--time-limit", "0.1", "--no-certificate"]
 GCODE = (
@@ -84,6 +86,11 @@ def test_without_a_slicer_a_line_says_what_to_do(path, cube, capsys, words):
     assert run([*words, str(cube)]) == 2
     said = capsys.readouterr().err
     assert "no slicer is found, and a mesh needs one; install PrusaSlicer, name a slicer" in said
+
+
+def test_gcode_needs_no_slicer(path):
+    """Only a mesh asks for one."""
+    assert read(sample_path("four_nuts.gcode.gz"), "mk4s").sliced_by == ""
 
 
 def test_the_first_found_is_the_default(path):
