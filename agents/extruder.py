@@ -132,7 +132,7 @@ def arguments() -> argparse.ArgumentParser:
         description="One head's agent.",
         epilog=f"{PIPED} alone: load first, and take all this from stdin (docs/protocol.md).",
     )
-    parser.add_argument("source", type=Path, nargs="?", help="G-code or mesh to plan")
+    parser.add_argument("source", type=Path, nargs="?", help="G-code to plan")
     parser.add_argument("--machine", default="dual-gantry", help="preset or file")
     parser.add_argument("--process-order", choices=("keep", "free"), default="keep")
     parser.add_argument("--no-quality", action="store_true", help="shells in any order")

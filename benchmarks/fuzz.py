@@ -3,9 +3,9 @@
 `python benchmarks/fuzz.py --files 300` writes damaged files of each format, with a fresh seed
 that it names, and runs the whole command on each. With `--forked` each run is a process of its own
 that finds the program loaded: ten times as many fit into an hour. Seconds are of the processor,
-for the machine may be busy. Messages between agents are unpacked in such a process. The tests read
-as many of each in their own process, with a fixed seed and without a search. Another format is a
-row of `FORMATS`.
+for the machine may be busy. Messages between agents and meshes are read in such a process. The
+tests read as many of each in their own process, with a fixed seed and without a search. Another
+format is a row of `FORMATS`.
 
 No command is lost: what the judge's book of commands says (`sim.files.commands`), and as often
 as in the source by a reading of lines of this file's own, but for what the run says it left out.
@@ -47,6 +47,7 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh.load import load_solid
+from decmcts.formats.mesh.options import Bed
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -148,7 +149,7 @@ def run_one(kind: Format, path: Path, *, forked: bool = False) -> tuple[int, str
         what = f"exit code {code} after {time.monotonic() - started:.0f} s: {said[-200:]!r}"
     elif b"\x1b]" in said or b"Traceback" in said:
         what = f"said {said[-200:]!r}"
-    elif code == 0 and "plan" in words and "--slicer" not in words:
+    elif code == 0 and "plan" in words:
         what = _lost(path, out, said.decode("utf-8", "replace"))
     return code, what
 
@@ -314,7 +315,7 @@ def _machine_of(path: Path) -> object:
 
 
 def _solid_of(path: Path) -> object:
-    return load_solid(path, None)
+    return load_solid(path, Bed())
 
 
 _PLAN = ("plan", "{file}", "-o", "{out}", "--machine", "mk4s", "--time-limit", "0.2",
@@ -323,7 +324,7 @@ FORMATS = (
     Format("a.gcode", gcode, read_gcode, _PLAN),
     Format("a.bgcode", bgcode, read_gcode, _PLAN),
     Format("a.gcode.3mf", lambda: plate(gcode()), read_gcode, _PLAN),
-    Format("a.stl", stl, _solid_of, (*_PLAN, "--slicer", "builtin")),
+    Format("a.stl", stl, _solid_of, ()),  # commands give it to a slicer
     Format("plan.json", plan, read_plan, ("verify", "{file}")),
     Format("own.toml", machine, _machine_of, ("machines", "--machine", "{file}")),
     Format("a.rec", record, read_record, ("replay", "{file}", "--speed", "1000")),

@@ -36,7 +36,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -47,7 +46,6 @@ from team_prints import plate_path
 from decmcts.errors import InputError, VerificationError
 from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Event, Note
 from decmcts.planning.launch import launch
 from decmcts.planning.options import Limits, TeamSearch
@@ -64,6 +62,7 @@ from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_heads
+from tests.makers.plate import plate
 from tests.makers.printed import printed_twice
 
 KEY = ("print", "kind", "number", "limit_s", "speed")
@@ -104,10 +103,7 @@ def planned(name: str, limit_s: float) -> tuple[PlanDocument, Source]:
     if word == "part":
         source = source_for(int(count))
     elif word == "slab":
-        slab = trimesh.creation.box(SLAB_MM)
-        slab.apply_translation((150.0, 150.0, SLAB_MM[2] / 2.0))
-        slab.export(folder / "slab.stl")
-        source = read(folder / "slab.stl", "dual-gantry", mesh=SliceOptions(center=None))
+        source = plate(SLAB_MM, (150.0, 150.0), "dual-gantry")
     elif word == "towers":
         pair, heads = load_machine("dual-gantry"), int(count)
         machine = pair if heads == 2 else rail_machine(pair, heads)

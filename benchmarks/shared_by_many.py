@@ -3,34 +3,34 @@
     python benchmarks/shared_by_many.py [--heads 2,3,4,6,8] [--cuts inside,all] [--time-limit 20]
         [--seeds 0,1,2]
 
-The part is a plate with holes made by code and sliced by the built-in slicer, so no corpus is
-needed. Heads are those of `dual-gantry`, on a bed of 1200 mm. Real agent processes. The speed-up is
-against the order that `launch` finds for one head alone that reaches everything. Every plan is
-judged as `launch` judges it. Writes docs/results/shared_by_many.csv (resumable) and
-shared_by_many.md.
+The part is a plate with holes made by code, so no corpus is needed. Heads are those of
+`dual-gantry` on a bed of 1200 mm. Real agent processes. The speed-up is against the order that
+`launch` finds for one head alone that reaches everything. Every plan is judged as `launch` judges
+it. Writes docs/results/shared_by_many.csv (resumable) and shared_by_many.md.
 """
 
 from __future__ import annotations
 
 import argparse
-import tempfile
+import sys
 import time
 from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import trimesh
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from common import Rows, arguments, grouped, markdown, median, names, seeds, setting, spread
 
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
-from decmcts.planning.options import RULES, Cut, Limits, TeamSearch
+from decmcts.planning.options import RULES, Cut, TeamSearch
 from decmcts.planning.problem.print_problem import problem_of
-from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.problem.source import Source
 from decmcts.planning.team.pipeline import plan_team
+from tests.makers.plate import plate
 
 KEY = ("heads", "cut", "limit_s", "seed")
 FIGURES = ("contours", "pieces", "one_head_s", "makespan_s", "speedup", "over_bound", "prints",
@@ -42,21 +42,11 @@ BED_MM, DEEP_MM = 1200.0, 300.0
 @cache
 def source_for(heads: int) -> Source:
     """Return the part on a rail of so many heads."""
-    part = trimesh.creation.box(PART_MM)
-    holes = []
-    for k in range(int(PART_MM[0] / APART_MM)):
-        hole = trimesh.creation.cylinder(HOLE_MM, 2.0 * PART_MM[2])
-        hole.apply_translation(((k + 0.5) * APART_MM - PART_MM[0] / 2.0, 0.0, 0.0))
-        holes.append(hole)
-    whole = trimesh.boolean.difference([part, *holes], engine="manifold")
-    whole.apply_translation((BED_MM / 2.0, DEEP_MM / 2.0, PART_MM[2] / 2.0))
+    x, y = BED_MM / 2.0, DEEP_MM / 2.0
+    count = int(PART_MM[0] / APART_MM)
+    holes = [(x + (k + 0.5) * APART_MM - PART_MM[0] / 2.0, y) for k in range(count)]
     machine = rail_machine(load_machine("dual-gantry"), heads, BED_MM)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "part.stl"
-        whole.export(path)
-        return read_source(
-            path, machine, limits=Limits.SOURCE, mesh=SliceOptions(center=None), report=unheard
-        )
+    return plate(PART_MM, (x, y), machine, holes=holes, radius=HOLE_MM)
 
 
 def run(key: dict[str, Any]) -> dict[str, Any]:

@@ -8,13 +8,14 @@ whole parts only, side by side on a bed of 1200 mm. `wide:5000` is its first 500
 
 from __future__ import annotations
 
-import tempfile
+import sys
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 import numpy as np
-import trimesh
 from common import corpus, print_path
 
 from decmcts.feasibility.rules import order_rules
@@ -22,17 +23,23 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Rules
-from decmcts.planning.problem.print_problem import PrintProblem, load, parked_above
+from decmcts.planning.problem.print_problem import (
+    PrintProblem,
+    load,
+    parked_above,
+    problem_of,
+)
 from decmcts.planning.team.cutting import best_sweep
 from decmcts.print.contours import PER_CONTOUR, Contours, taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.problem import TeamProblem, build_team_problem, part_of
+from tests.makers.plate import plate
 
 PLATES = ("mix_1", "mix_2", "mix_3", "mix_4", "mix_5", "mix_6", "same_4_far", "same_9")
 WIDE_MM, SHARE_MM, MARGIN_MM = 1200.0, 150.0, 2.5
-SLAB_MM = (220.0, 110.0, 6.0)
+SLAB_MM, SLAB_MIDDLE = (220.0, 110.0, 6.0), (125.0, 105.0)
 NO_QUALITY = Rules(quality=False)
 
 
@@ -88,11 +95,8 @@ def swept_problem(name: str, *, whole: bool = False) -> tuple[PrintProblem, Team
 
 
 def slab() -> PrintProblem:
-    """Return one solid block across the bed, sliced by the built-in slicer."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "slab.stl"
-        trimesh.creation.box(SLAB_MM).export(path)
-        return load(path, "dual-gantry", NO_QUALITY)
+    """Return one solid block across the bed."""
+    return problem_of(plate(SLAB_MM, SLAB_MIDDLE, "dual-gantry"), NO_QUALITY, unheard)
 
 
 @lru_cache(maxsize=1)

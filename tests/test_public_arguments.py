@@ -6,6 +6,7 @@ import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from types import GenericAlias
 from typing import Any
 
@@ -17,12 +18,14 @@ import decmcts
 from decmcts.arguments import check_fields
 from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import QcspProblem
+from decmcts.formats.mesh.slicers import Slicer
+from decmcts.planning.problem.slicing import Chosen
 
 OPTIONS = ("Held", "Rules", "Search", "SliceOptions", "Slicing", "TeamSearch")
 NUTS = decmcts.sample_path("four_nuts.gcode.gz")
 SOUND = {
-    "chosen": decmcts.choose_slicer("builtin"), "costs": np.ones((3, 3)), "inputs": [NUTS],
-    "name": "paper", "name_or_path": "paper", "path": "none.gcode",
+    "chosen": Chosen(Slicer.PRUSA, Path("prusa-slicer")), "costs": np.ones((3, 3)),
+    "inputs": [NUTS], "name": "paper", "name_or_path": "paper", "path": "none.gcode",
     "precedence": np.zeros((0, 2), np.int32), "problem": object.__new__(QcspProblem),
     "layer": np.zeros(2, int), "machine": "mk4s", "offsets": np.array([0, 2, 4]),
     "points": np.array([[20, 20, 0.2], [40, 20, 0.2], [80, 20, 0.2], [60, 20, 0.2]]),

@@ -27,7 +27,7 @@ from decmcts.feasibility.rules import contacts_between, order_rules, with_contac
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.mesh import SliceOptions, is_mesh, slice_mesh
+from decmcts.formats.mesh import is_mesh
 from decmcts.print.contours import Contours
 from decmcts.print.job import Barrier, PrintJob, ProcessSettings, Retraction
 from decmcts.print.lags_kernels import Lags
@@ -127,7 +127,7 @@ def _room(arrays: dict[str, Any], room: str) -> dict[str, Any]:
 def load_source(
     path: Path, machine: str, process_order: Literal["keep", "free"], *, quality: bool = True
 ) -> Pack:
-    """Read G-code or slice a mesh, and build its dependency graph.
+    """Read G-code and build its dependency graph.
 
     With `quality` shells and what is anchored in them keep their order, but for
     the paper's machine, which knows of no beads.
@@ -139,11 +139,13 @@ def load_source(
     """
     if not path.exists():
         raise InputError("no such file", path=path)
-    chosen = load_machine(machine)
     if is_mesh(path):
-        job, _ = slice_mesh(path, SliceOptions().for_machine(chosen))
-    else:
-        job, _ = read_gcode(path)
+        raise InputError(
+            "an agent takes no mesh", path=path,
+            advice="slice it, and give all agents the same G-code",
+        )  # fmt: skip
+    chosen = load_machine(machine)
+    job, _ = read_gcode(path)
     chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     check_fits(job.contours, chosen)
     contacts = contacts_between(job, chosen)

@@ -219,7 +219,7 @@ SlicerOption = Annotated[
     mesh(
         "--slicer NAME",
         "auto (the first of PrusaSlicer, OrcaSlicer and CuraEngine that is found), "
-        "builtin (for experiments), a slicer's name, or the path of its program",
+        "a slicer's name, or the path of its program",
     ),
 ]
 SlicerConfig = Annotated[

@@ -49,7 +49,6 @@ from decmcts.experiments.stopped import log_until
 from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
 from decmcts.experiments.two_heads import machine_for
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
@@ -171,7 +170,7 @@ def _source(key: Key, machine: Machine, what: Given) -> Source:
     _, middle = machine_for(key, int(key["heads"]), BED_MM)
     with print_file(key, middle) as path:
         source = read_source(
-            path, what.problem.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=unheard
+            path, what.problem.machine, limits=Limits.MACHINE, report=unheard
         )  # fmt: skip
     return replace(source, machine=what.problem.machine)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from decmcts.experiments.kinds import Key, Line, Row, column, spread, stopping_of
 from decmcts.experiments.prints import MIDDLE_MM, Point, print_file
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules
 from decmcts.planning.problem.own_tools import team_problem
@@ -58,7 +57,7 @@ def given(key: Key, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = MI
     """Read a print, and cut it where heads then share it sooner; InputError as of `launch`."""
     with print_file(key, middle) as path:
         source = read_source(
-            path, machine, limits=Limits.SOURCE, mesh=SliceOptions(), report=unheard
+            path, machine, limits=Limits.SOURCE, report=unheard
         )  # fmt: skip
         problem = team_problem(source, Rules(), unheard)
     return given_by(problem, cut)

@@ -11,12 +11,15 @@ from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
+from decmcts.formats.mesh.gcode_text import PlacedBead, gcode_lines
 from decmcts.planning.events import Report, unheard
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.print.contours import Role
 from decmcts.print.machine import Machine
+
+_FEED_MM_S = 60.0  # where none is stated
 
 
 @checked
@@ -52,10 +55,10 @@ def from_arrays(
         (n_points,) filament of the segment that ends at each point, mm; at the first point of a
         contour it is not used. None: as width and height ask for.
     feed, width, height : NDArray[np.float64] | float | None
-        (n,) or one for all: mm/s while it is printed, and size of the bead, mm. None: feed of
-        perimeters, bead width and layer height of the options.
+        (n,) or one for all: mm/s while it is printed, and size of the bead, mm. None: 60 mm/s,
+        bead width and layer height of the options.
     options : SliceOptions | None
-        Temperatures, retraction, travel and filament; None: the built-in slicer's.
+        Temperatures, fan, retraction, travel and filament; None: for PLA, without a fan.
     report : Report
         Told what is done.
 
@@ -80,9 +83,6 @@ def from_arrays(
     >>> len(source.job.contours)
     2
     """
-    # here, so that only who needs it waits for trimesh to load
-    from decmcts.formats.mesh.gcode_text import PlacedBead, gcode_lines
-
     printer = load_machine(machine) if isinstance(machine, str) else machine
     chosen = (options or SliceOptions()).for_machine(printer)
     paths = _paths(np.asarray(points, np.float64), np.asarray(offsets))
@@ -91,7 +91,7 @@ def from_arrays(
     _require("layer", layers[0] >= 0 and (np.diff(layers) >= 0).all(), "must not fall, from 0")
     roles = _values("role", role, n, Role.UNKNOWN)
     _require("role", np.isin(roles, list(Role)).all(), "must be values of Role")
-    feeds = _values("feed", feed, n, chosen.perimeter_feed)
+    feeds = _values("feed", feed, n, _FEED_MM_S)
     _require("feed", (feeds * 60.0 >= 1.0).all(), "must be at least 1/60: a mm a minute")
     widths = _values("width", width, n, chosen.bead_width, above=0.0)
     heights = _values("height", height, n, chosen.layer_height, above=0.0)
@@ -107,7 +107,7 @@ def from_arrays(
     folder = SlicedFolder()
     file = folder.path / "arrays.gcode"
     file.write_text("\n".join(gcode_lines(beads, chosen)) + "\n", encoding="utf-8", newline="\n")
-    source = read_source(file, printer, limits=Limits.SOURCE, mesh=chosen, report=report)
+    source = read_source(file, printer, limits=Limits.SOURCE, report=report)
     return replace(source, folder=folder)
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from decmcts.arguments import checked
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.compiling.child import compilation_reported
 from decmcts.planning.events import Report, unheard
 from decmcts.planning.options import Limits
-from decmcts.planning.problem.slicing import Slicing, choose_slicer
+from decmcts.planning.problem.slicing import Slicing
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.print.machine import Machine
 
@@ -20,7 +19,7 @@ def read(
     machine: str | Machine | None = None,
     *,
     limits: Limits = Limits.SOURCE,
-    mesh: Slicing | SliceOptions | None = None,
+    mesh: Slicing | None = None,
     plate: int | None = None,
     report: Report = unheard,
 ) -> Source:
@@ -36,9 +35,8 @@ def read(
         A mesh names none.
     limits : Limits
         Whose motion limits count where file and machine both state some.
-    mesh : Slicing | SliceOptions | None
-        How a mesh is sliced: by a slicer, for the machine's bed, or by the built-in one with
-        these very options. None: by the first slicer that is installed, else the built-in one.
+    mesh : Slicing | None
+        How a mesh is sliced; None: as `Slicing()` states it.
     plate : int | None
         Of a ``.gcode.3mf``: whose G-code is read; None: the only one's that has any.
     report : Report
@@ -61,8 +59,7 @@ def read(
     >>> source.machine.name, len(source.job.contours)
     ('mk4s', 964)
     """
-    how = Slicing(choose_slicer()) if mesh is None else mesh
     with compilation_reported(report) as reporting:
         return read_source(
-            Path(path), machine, limits=limits, mesh=how, report=reporting, plate=plate
+            Path(path), machine, limits=limits, mesh=mesh, report=reporting, plate=plate
         )

@@ -173,13 +173,22 @@ def test_output_onto_the_input_is_refused(
     assert "input" in refused(["plan", str(source), "-o", str(source)], capsys)
 
 
+def cura(folder: Path) -> list[str]:
+    """Return words that name a slicer whose meshes are read here; it is never started."""
+    program, config = folder / "CuraEngine", folder / "fdmprinter.def.json"
+    program.write_text("")
+    program.chmod(0o755)
+    config.write_text("{}")
+    return ["--slicer", str(program), "--slicer-config", str(config)]
+
+
 def test_mesh_with_holes_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A mesh with holes has no inside to slice."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=10)
     ball.update_faces(ball.triangles_center[:, 0] < 5)
     source = tmp_path / "part.stl"
     ball.export(source)
-    said = refused(["plan", str(source), "--slicer", "builtin", "--machine", "paper"], capsys)
+    said = refused(["plan", str(source), "--machine", "paper", *cura(tmp_path)], capsys)
     assert "part.stl" in said
     assert "edge" in said
 
@@ -188,7 +197,8 @@ def test_3mf_of_nothing_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     """An empty scene has nothing to print."""
     source = tmp_path / "part.3mf"
     source.write_bytes(b"")
-    assert "part.3mf" in refused(["plan", str(source), "--slicer", "builtin"], capsys)
+    said = refused(["plan", str(source), "--machine", "paper", *cura(tmp_path)], capsys)
+    assert "part.3mf" in said
 
 
 def test_malformed_plan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,6 @@ import trimesh
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.mesh import SliceOptions, slice_mesh
 from decmcts.print.contours import Contours
 from decmcts.print.machine_fit import check_fits
 from decmcts.samples import sample_path
@@ -101,18 +100,6 @@ def test_meshes_are_what_their_code_makes(name):
     np.testing.assert_allclose(made.bounds, kept.bounds, atol=1e-4)
     assert made.volume == pytest.approx(kept.volume, rel=1e-4)
     assert kept.is_watertight
-
-
-@pytest.mark.slow
-def test_built_in_slicer_agrees_with_the_real_one():
-    """Both slicers make the same nuts: same layers, same place, about the same filament."""
-    theirs = read_gcode(sample_path("four_nuts.gcode.gz"))[0].contours
-    options = SliceOptions(center=None, density=0.15, top_layers=4, bottom_layers=4)
-    ours = slice_mesh(sample_path("four_nuts.stl"), options)[0].contours
-    np.testing.assert_allclose(np.unique(ours.top), np.unique(theirs.top), atol=1e-6)
-    np.testing.assert_allclose(ours.points.min(axis=0), theirs.points.min(axis=0), atol=0.1)
-    np.testing.assert_allclose(ours.points.max(axis=0), theirs.points.max(axis=0), atol=0.1)
-    assert ours.extrusion.sum() == pytest.approx(theirs.extrusion.sum(), rel=0.1)
 
 
 @pytest.mark.slicers

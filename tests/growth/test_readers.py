@@ -13,6 +13,7 @@ from decmcts.formats.bare.sop import read_sop
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh.load import load_solid
+from decmcts.formats.mesh.options import Bed
 from decmcts.formats.plans.plan_json import read_plan
 from sim.files.written import verify_written
 from tests.growth.counted import grows_faster, peak_bytes, steps
@@ -31,7 +32,7 @@ def read(path: Path) -> None:
         elif kind == "json":
             read_plan(path)
         elif kind == "stl":
-            load_solid(path, None)
+            load_solid(path, Bed())
         elif kind == "rec":
             read_record(path)
         elif kind == "sop":

@@ -13,7 +13,6 @@ import numpy as np
 
 from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Limits, Rules
 from decmcts.planning.problem.planned import document_of
@@ -47,7 +46,7 @@ def railed(folder: Path, heads: int) -> tuple[PlanDocument, Source]:
     path = folder / "in.gcode"
     path.write_text(_SKIRT.sub("", made_gcode(centres, size_mm=60.0, layers=3), count=1))
     source = read_source(
-        path, machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=unheard
+        path, machine, limits=Limits.MACHINE, report=unheard
     )  # fmt: skip
     problem = problem_of(source, Rules(), unheard)
     of = (problem.job.contours.start[:, 0] // (length / heads)).astype(np.int64)

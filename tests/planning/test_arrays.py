@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
+from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.arrays import from_arrays
 from decmcts.print.contours import Role
 
@@ -45,6 +46,20 @@ def test_filament_is_what_a_bead_of_this_size_takes() -> None:
     thin, thick = (from_arrays(**BARS, width=w).job.contours.extrusion[1] for w in (0.4, 0.8))
     spared = 0.2 * (1.0 - np.pi / 4.0)  # of the round sides, of a height of 0.2 mm
     assert thick / thin == pytest.approx((0.8 - spared) / (0.4 - spared), rel=1e-4)
+
+
+@pytest.mark.slow
+def test_the_head_lifts_within_the_machine_and_parks() -> None:
+    """On the tallest prints there is no space for the whole lift."""
+    source = from_arrays(**BARS, options=SliceOptions(fan_percent=100.0))
+    text = source.path.read_text()
+    end = text[text.rindex(";TYPE:Custom") :].splitlines()
+    assert end[1:4] == ["G1 E-1 F2400", "G1 Z10.500 F600 ; up", "G1 X5.000 Y205.000 F9000 ; park"]
+    assert "M104 S0 ; nozzle off" in end
+    assert text.index(";Z:0.5") < text.index("M106 S255 ; fan")  # from the second layer on
+    tall = {**BARS, "points": BARS["points"] + [0.0, 0.0, 195.0]}
+    source = from_arrays(**tall)
+    assert "G1 Z200.000 F600 ; up" in source.path.read_text()
 
 
 @pytest.mark.parametrize(

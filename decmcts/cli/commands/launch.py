@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +20,7 @@ from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import is_qcsp
 from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Event, Heads, Step
@@ -37,7 +37,7 @@ from decmcts.planning.options import (
     TeamSearch,
 )
 from decmcts.planning.problem.own_tools import with_tools
-from decmcts.planning.problem.slicing import PRINTED, Chosen, Slicing
+from decmcts.planning.problem.slicing import Slicing
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.outcome import lines_of
@@ -200,7 +200,7 @@ def run_team(
                 keep(event)
             show(event)
 
-        mesh = Slicing(Chosen(None), replace(PRINTED, skirts=0))  # start code primes the heads
+        mesh = Slicing(options=SliceOptions(skirts=0))  # start code primes the heads
         found = read(source, machine, limits=limits, mesh=mesh, plate=plate, report=progress)
         require_layer(picture_layer, found.job.contours)
         return launch_heads(

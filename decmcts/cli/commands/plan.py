@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -40,7 +39,7 @@ from decmcts.planning.options import (
     Search,
 )
 from decmcts.planning.plan import plan as find_order
-from decmcts.planning.problem.slicing import AUTO, PRINTED, Chosen, Slicing, choose_slicer
+from decmcts.planning.problem.slicing import AUTO, Slicing, choose_slicer
 from decmcts.planning.read import read
 from decmcts.planning.result import Result, Written
 from decmcts.planning.writing.lines import cooling_line, layers_line, source_lines
@@ -122,13 +121,13 @@ def plan(
     )  # fmt: skip
     opt.refuse_layer_alone(picture_layer, picture)
     only_shown = not (as_json or output or plan_file or report or picture or sliced)
-    slicing = slicing_of(
-        context,
-        choose_slicer(slicer, slicer_config),
-        replace(
-            PRINTED, layer_height=layer_height, nozzle=nozzle, density=density,
-            perimeters=perimeters, temperature=temperature, bed_temperature=bed_temperature,
+    slicing = Slicing(
+        None if (slicer, slicer_config) == (AUTO, None) else choose_slicer(slicer, slicer_config),
+        SliceOptions(
+            layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters,
+            temperature=temperature, bed_temperature=bed_temperature,
         ),
+        frozenset(opt.MESH_OPTIONS) & opt.given(context).keys(),
     )  # fmt: skip
     search = Search(time_limit, seed, planner, objective, certificate=certificate)
     result = run_single(
@@ -203,11 +202,6 @@ def write_extras(
         else:
             kept.append(path)
     return sorted(kept, key=lambda path: path is not plan)
-
-
-def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) -> Slicing:
-    """Return how meshes are sliced."""
-    return Slicing(chosen, options, frozenset(opt.MESH_OPTIONS) & opt.given(context).keys())
 
 
 def refuse_for_gcode(context: typer.Context, source: Path) -> None:

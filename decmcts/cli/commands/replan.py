@@ -19,7 +19,7 @@ from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import write_all
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.mesh import SliceOptions, is_mesh
+from decmcts.formats.mesh import is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
 from decmcts.planning.options import Cut, Limits
@@ -146,7 +146,7 @@ def replan(
     search = search_of(document, time_limit, seed, cut=cut, weld_limit_s=weld_limit_s)
     with running(time_limit_s=time_limit, table=heads_table) as (show, stop):
         found = read(
-            source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=show
+            source, document.machine, limits=Limits.MACHINE, report=show
         )  # fmt: skip
         rest = rest_of(document, found, state, places, left_beads, show, late, other)
         if stem is not None:

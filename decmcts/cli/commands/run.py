@@ -20,7 +20,7 @@ from decmcts.cli.commands.replan import LeftOption, PrintWithOption
 from decmcts.cli.commands.simulate import ErrorOption, QueueOption, TimingOption
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
-from decmcts.formats.mesh import SliceOptions, is_mesh
+from decmcts.formats.mesh import is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Event, Note, Report, Step
 from decmcts.planning.options import Limits
@@ -118,7 +118,7 @@ def run(
         raise InputError("a mesh has no start code", path=source, advice="name the planned G-code")
     with steps() as progress:
         found = None if source is None else read(
-            source, document.machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=progress
+            source, document.machine, limits=Limits.MACHINE, report=progress
         )  # fmt: skip
         if found is not None:
             differences(found, other)  # refused now, not when a head has failed

@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from decmcts.arguments import check_fields
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import has_plates
@@ -36,12 +34,9 @@ def refuse_other_shape(path: Path) -> None:
         )  # fmt: skip
 
 
-_COUNTS = ("perimeters", "top_layers", "bottom_layers", "skirts")
-_FEEDS = (
-    "perimeter_feed", "external_feed", "infill_feed", "solid_feed", "first_layer_feed",
-    "travel_feed", "retract_feed",
-)  # fmt: skip
-_LENGTHS = ("retract_mm", "retract_min_travel_mm", "skirt_distance")
+_LENGTHS = ("retract_mm", "retract_min_travel_mm")
+_FEEDS = ("travel_feed", "retract_feed")
+_COUNTS = ("perimeters", "skirts")
 _PARK_MM = 5.0  # from the edge of the bed
 _NO_LIMIT_MM = 1e5  # a reach beyond this is no limit
 
@@ -77,10 +72,9 @@ class Bed:
 
 @dataclass(frozen=True, slots=True)
 class SliceOptions:
-    """Options of the built-in slicer; lengths in mm, feeds in mm/s.
+    """What a slicer is told of a mesh, and how arrays are written as G-code; mm and mm/s.
 
-    The defaults are for PLA. Skirt and fan are off, for a bare print to compute with;
-    `decmcts plan` turns them on.
+    The defaults are for PLA.
 
     Raises
     ------
@@ -93,26 +87,15 @@ class SliceOptions:
     nozzle: float = 0.4
     width: float = 0.0  # bead width, 0: 1.125 nozzles
     perimeters: int = 2
-    external_first: bool = False  # outer wall before the inner ones
     density: float = 0.2  # of the sparse infill, 0..1
-    top_layers: int = 3
-    bottom_layers: int = 3
-    center: tuple[float, float] | None = (125.0, 105.0)  # of the whole mesh; None: as in the file
-    bed: Bed = field(default_factory=Bed)  # for the end code and other slicers
-    largest: tuple[float, float, float] | None = None  # larger meshes are refused; None: none is
-    skirts: int = 0  # loops around the first layer, which also prime the nozzle
-    skirt_distance: float = 6.0
-    fan_percent: float = 0.0  # from the second layer on
+    bed: Bed = field(default_factory=Bed)  # the part lies in its middle
+    skirts: int = 2  # loops around the first layer, which also prime the nozzle; not of arrays
+    fan_percent: float = 0.0  # of arrays, from the second layer on; slicers are told 100
     filament_diameter: float = 1.75
-    perimeter_feed: float = 60.0
-    external_feed: float = 40.0
-    infill_feed: float = 80.0
-    solid_feed: float = 60.0
-    first_layer_feed: float = 30.0
-    travel_feed: float = 150.0
+    travel_feed: float = 150.0  # of arrays
     retract_mm: float = 1.0
     retract_feed: float = 40.0
-    retract_min_travel_mm: float = 2.0
+    retract_min_travel_mm: float = 2.0  # of arrays
     temperature: float = 210.0  # °C, of the nozzle
     bed_temperature: float = 60.0  # °C
 
@@ -135,31 +118,15 @@ class SliceOptions:
                 )
 
     def for_machine(self, machine: Machine) -> SliceOptions:
-        """Return the same options for a mesh in the middle of a machine's bed."""
-        bed = Bed.of(machine)
-        return replace(self.no_larger_than(machine), bed=bed, center=bed.center)
-
-    def no_larger_than(self, machine: Machine) -> SliceOptions:
-        """Return the same options that refuse what a machine has no space for."""
-        width, depth = np.subtract(machine.bed_max, machine.bed_min).tolist()
-        height = max(head.reach_max[2] for head in machine.heads)
-        return replace(self, largest=(width, depth, height))
+        """Return the same options with a machine's bed."""
+        return replace(self, bed=Bed.of(machine))
 
     @property
     def bead_width(self) -> float:
         """Bead width in mm."""
         return self.width or _WIDTH_PER_NOZZLE * self.nozzle
 
-    def spacing(self, height: float, width: float | None = None) -> float:
-        """Return the distance of neighbouring beads of one layer, of this width or ours, mm.
-
-        A bead is a rectangle with half-round sides; at this distance its area
-        is spacing times height, so beads side by side fill their volume.
-        """
-        wide = self.bead_width if width is None else width
-        return wide - height * (1.0 - math.pi / 4.0)
-
-    def filament_per_mm(self, height: float, width: float | None = None) -> float:
-        """Return filament mm per mm of bead."""
-        area = height * self.spacing(height, width)
+    def filament_per_mm(self, height: float, width: float) -> float:
+        """Return filament mm per mm of bead, a rectangle with half-round sides."""
+        area = height * (width - height * (1.0 - math.pi / 4.0))
         return area / (math.pi * self.filament_diameter**2 / 4.0)

@@ -16,7 +16,6 @@ from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import contacts_between, order_rules, with_contacts
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.options import RULES, Cut, Freedom, Limits, Objective, Rules
 from decmcts.planning.problem.source import Source, read_source
@@ -81,8 +80,8 @@ class PrintProblem:
 
 
 def load(path: Path, machine: str | Machine | None, rules: Rules = RULES) -> PrintProblem:
-    """Read a print and find what must come before what; a mesh is sliced by the built-in slicer."""
-    source = read_source(path, machine, limits=Limits.SOURCE, mesh=SliceOptions(), report=unheard)
+    """Read a print and find what must come before what."""
+    source = read_source(path, machine, limits=Limits.SOURCE, report=unheard)
     return problem_of(source, rules, unheard)
 
 

@@ -1,4 +1,4 @@
-"""Slicing meshes: find a real slicer and run it in a temporary folder, or use the built-in one."""
+"""Slicing meshes: find a slicer and run it in a temporary folder."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import subprocess
 import weakref
 from collections.abc import Sequence, Set
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, NoReturn
 
 from decmcts.arguments import check_fields, checked
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import draft_folder
-from decmcts.formats.mesh import SliceOptions, slice_to_gcode
+from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.mesh.slicers import (
     CURA_DEFINITION,
     PROGRAMS,
@@ -28,33 +28,26 @@ from decmcts.formats.mesh.slicers import (
 )
 from decmcts.print.machine import Machine
 
-AUTO, BUILTIN = "auto", "builtin"
+AUTO = "auto"
 TIMEOUT_S = 1800.0
 TAIL_BYTES = 20_000  # of what a slicer printed, enough to find why it failed
-EXPERIMENTS = "the built-in slicer (for experiments: no bridges, gap fill or supports)"
-PRINTED = SliceOptions(skirts=2, fan_percent=100.0)  # of a mesh that will be printed
 CURA_SHARED = ("/usr/share/cura", "/usr/local/share/cura")
 
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """The slicer to use; `slicer` is None for the built-in one."""
+    """The slicer to use."""
 
-    slicer: Slicer | None
-    program: Path | None = None
+    slicer: Slicer
+    program: Path
     config: tuple[Path, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """What the summary calls it."""
-        return EXPERIMENTS if self.program is None else str(self.program)
 
 
 @checked
 def choose_slicer(name: str = AUTO, config: str | None = None) -> Chosen:
     """Return the slicer that `--slicer` means.
 
-    `auto` is the first on the PATH that can run with what is given, else the built-in one.
+    `auto` is the first on the PATH that can run with what is given.
 
     Raises
     ------
@@ -62,20 +55,21 @@ def choose_slicer(name: str = AUTO, config: str | None = None) -> Chosen:
         For an unknown name, a program that is not there, or a missing configuration.
     """
     given = config_paths(config)
-    if name == BUILTIN:
-        if given:
-            raise InputError("--slicer-config means nothing to the built-in slicer")
-        return Chosen(None)
-    if name == AUTO:
-        found = (usable(slicer, given) for slicer in Slicer)
-        chosen = next((one for one in found if one is not None), None)
-        if chosen is None and given:
-            raise InputError(
-                "no slicer this configuration is for is on the PATH", path=given[0],
-                advice=f"install one ({', '.join(Slicer)}), or name it with --slicer",
-            )  # fmt: skip
-        return chosen or Chosen(None)
-    return _named(name, given)
+    if name != AUTO:
+        return _named(name, given)
+    for slicer in Slicer:
+        if chosen := usable(slicer, given):
+            return chosen
+    if given:
+        raise InputError(
+            "no slicer this configuration is for is on the PATH", path=given[0],
+            advice=f"install one ({', '.join(Slicer)}), or name it with --slicer",
+        )  # fmt: skip
+    raise InputError(
+        "no slicer is found, and a mesh needs one",
+        advice="install PrusaSlicer, name a slicer with `plan --slicer`, or slice the mesh yourself"
+        " and give its G-code",
+    )
 
 
 def usable(
@@ -113,7 +107,7 @@ def _named(name: str, config: tuple[Path, ...]) -> Chosen:
         if where is None:
             raise InputError(
                 f"'{name}' is no slicer and no program",
-                advice=f"--slicer takes auto, builtin, {', '.join(Slicer)} or a path",
+                advice=f"--slicer takes auto, {', '.join(Slicer)} or a path",
             )
         program = Path(where).absolute()
         known = slicer_of(program) or slicer_of(program.resolve())
@@ -155,55 +149,46 @@ class Slicing:
 
     Parameters
     ----------
-    chosen : Chosen
-        The slicer; `choose_slicer` finds one.
+    chosen : Chosen | None
+        The slicer; `choose_slicer` finds one. None: the first that is found.
     options : SliceOptions
-        Its settings; `bed` and `center` are replaced by those of the machine.
+        Its settings; the bed is that of the machine.
     given : Set[str]
         Names of the options that a slicer with a configuration file is told too. One without
         is told all.
 
     Examples
     --------
-    >>> from decmcts import Slicing, choose_slicer
-    >>> Slicing(choose_slicer("builtin")).options.layer_height
+    >>> from decmcts import Slicing
+    >>> Slicing().options.layer_height
     0.2
     """
 
-    chosen: Chosen
-    options: SliceOptions = PRINTED
+    chosen: Chosen | None = None
+    options: SliceOptions = field(default_factory=SliceOptions)
     given: Set[str] = frozenset()
 
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def slice_for(self, mesh: Path, machine: Machine, folder: Path) -> Path:
+    def slice_with(self, chosen: Chosen, mesh: Path, machine: Machine, folder: Path) -> Path:
         """Slice a mesh for a machine and return the G-code file, in a folder."""
-        options = self.options.for_machine(machine)
-        if self.chosen.slicer is None or self.chosen.program is None:
-            sliced = folder / "sliced.gcode"
-            sliced.write_text(slice_to_gcode(mesh, options), encoding="utf-8", newline="\n")
-            return sliced
-        source = self._placed(mesh, options, folder) if self.chosen.slicer == Slicer.CURA else mesh
+        options, source = self.options.for_machine(machine), mesh
+        if chosen.slicer == Slicer.CURA:  # it cannot put a mesh on a bed
+            from decmcts.formats.mesh.load import load_solid  # slow to import, and seldom needed
+
+            source = folder / "placed.stl"
+            load_solid(mesh, options.bed).export(source)
         request = Request(
-            self.chosen.program, source.resolve(), folder, options, self.given,
-            self.chosen.config,
-        )  # fmt: skip
-        command = command_for(self.chosen.slicer, request)
+            chosen.program, source.resolve(), folder, options, self.given, chosen.config
+        )
+        command = command_for(chosen.slicer, request)
         for path, text in command.files:
             path.write_text(text, encoding="utf-8")
         run_slicer(command.words, folder, mesh)
         if not command.output.is_file() or not command.output.stat().st_size:
-            _fail(self.chosen.program, "wrote no G-code", folder, mesh)
+            _fail(chosen.program, "wrote no G-code", folder, mesh)
         return command.output
-
-    def _placed(self, mesh: Path, options: SliceOptions, folder: Path) -> Path:
-        """Return the mesh as an STL at its place on the bed, which CuraEngine needs."""
-        from decmcts.formats.mesh.load import load_solid  # slow to import, and seldom needed
-
-        placed = folder / "placed.stl"
-        load_solid(mesh, options.center).export(placed)
-        return placed
 
 
 def run_slicer(
@@ -253,7 +238,7 @@ def _fail(program: Path, what: str, folder: Path, mesh: Path) -> NoReturn:
     raise InputError(
         f"{program.name} {what}" + (f": {reason}" if reason else ""),
         path=mesh,
-        advice="try it in the slicer itself, or use --slicer builtin",
+        advice="try it in the slicer itself, and give the G-code",
     )
 
 

@@ -23,16 +23,10 @@ from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.own_machine import PAGE, machine_of_text
-from decmcts.formats.mesh import (
-    SliceOptions,
-    is_mesh,
-    read_sliced,
-    refuse_other_shape,
-    slice_mesh,
-)
+from decmcts.formats.mesh import is_mesh, refuse_other_shape
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Limits
-from decmcts.planning.problem.slicing import SlicedFolder, Slicing
+from decmcts.planning.problem.slicing import SlicedFolder, Slicing, choose_slicer
 from decmcts.print.brief import brief
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -80,8 +74,8 @@ def read_source(
     machine: str | Machine | None,
     *,
     limits: Limits,
-    mesh: Slicing | SliceOptions,
     report: Report,
+    mesh: Slicing | None = None,
     plate: int | None = None,
 ) -> Source:
     """Read `path` for a machine; see `decmcts.planning.read.read`."""
@@ -99,24 +93,30 @@ def read_source(
         )
     seconds: list[tuple[str, float]] = []
     sliced, sliced_by, folder = None, "", None
-    if from_mesh and isinstance(mesh, Slicing):
+    if from_mesh:
         started = time.perf_counter()
-        sliced_by = mesh.chosen.name
+        how = mesh or Slicing()
+        slicer = how.chosen or choose_slicer()
+        sliced_by = str(slicer.program)
         report(Step(f"slicing {path.name} with {sliced_by}"))
         folder = SlicedFolder()
-        sliced = mesh.slice_for(path, chosen, folder.path)
+        sliced = how.slice_with(slicer, path, chosen, folder.path)
         seconds.append(("slice", time.perf_counter() - started))
     started = time.perf_counter()
     report(Step(f"reading {path.name}"))
-    if sliced is not None:
-        job, document = read_sliced(sliced, path)
-    elif isinstance(mesh, SliceOptions) and from_mesh:
-        job, document = slice_mesh(path, mesh.no_larger_than(chosen))
-    else:
-        job, document = read_gcode(path, plate)
+    job, document = read_gcode(path, plate) if sliced is None else _read_sliced(sliced, path)
     seconds.append(("read", time.perf_counter() - started))
     own = limits == Limits.SOURCE
     return Source(path, job, document, chosen, own, sliced_by, tuple(seconds), folder, plate)
+
+
+def _read_sliced(sliced: Path, mesh: Path) -> tuple[PrintJob, GcodeDocument]:
+    """Read the G-code a slicer made of a mesh; what is wrong with it is said of the mesh."""
+    try:
+        job, document = read_gcode(sliced)
+    except InputError as error:  # of a file nobody will find
+        raise InputError(error.what, path=mesh, advice=error.advice) from error
+    return replace(job, name=mesh.stem), document
 
 
 def machine_for(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.planners.pack import Pack, read_pack, write_pack
+from agents.planners.pack import Pack, load_source, read_pack, write_pack
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.machines.machine_file import load_machine
@@ -80,3 +80,10 @@ def test_a_missing_or_broken_pack_is_one_clear_error(
         (tmp_path / spoil).write_bytes(kept)
     with pytest.raises(InputError, match="no problem pack"):
         read_pack(tmp_path)
+
+
+def test_an_agent_takes_no_mesh(tmp_path: Path) -> None:
+    """Each would slice it for itself, and their prints might differ."""
+    (tmp_path / "part.stl").write_bytes(b"solid\nendsolid\n")
+    with pytest.raises(InputError, match=r"part\.stl: an agent takes no mesh; slice it"):
+        load_source(tmp_path / "part.stl", "dual-gantry", "keep")

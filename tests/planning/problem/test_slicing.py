@@ -14,20 +14,20 @@ import trimesh
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
-from decmcts.formats.gcode import read_gcode, read_motions
+from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh.options import Bed
 from decmcts.formats.mesh.slicers import CURA_DEFINITION, Slicer
-from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.problem.slicing import (
-    BUILTIN,
     Chosen,
     choose_slicer,
     run_slicer,
     usable,
     why,
 )
+from decmcts.planning.read import read
 from decmcts.print.contours import Role
+from decmcts.samples import sample_path
 
 PLAN = ["--machine", "mk4s", "--planner", "slicer", "--time-limit", "0.1", "--no-certificate"]
 GCODE = (
@@ -80,9 +80,17 @@ def scratch(tmp_path, monkeypatch):
     return folder
 
 
-def test_without_a_slicer_the_builtin_one_is_taken(path):
-    """A fresh machine has none, and `plan part.stl` must work there."""
-    assert choose_slicer("auto", None) == Chosen(None)
+@pytest.mark.parametrize("words", [["plan", "--machine", "mk4s"], ["launch"]])
+def test_without_a_slicer_a_line_says_what_to_do(path, cube, capsys, words):
+    """A fresh machine has none."""
+    assert run([*words, str(cube)]) == 2
+    said = capsys.readouterr().err
+    assert "no slicer is found, and a mesh needs one; install PrusaSlicer, name a slicer" in said
+
+
+def test_gcode_needs_no_slicer(path):
+    """Only a mesh asks for one."""
+    assert read(sample_path("four_nuts.gcode.gz"), "mk4s").sliced_by == ""
 
 
 def test_the_first_found_is_the_default(path):
@@ -96,7 +104,8 @@ def test_auto_passes_over_what_cannot_run(path, tmp_path):
     """OrcaSlicer without profiles and CuraEngine without definitions can slice nothing."""
     program(path, "orca-slicer", "")
     assert usable(Slicer.ORCA, ()) is None
-    assert choose_slicer("auto", None) == Chosen(None)
+    with pytest.raises(InputError, match="no slicer is found"):
+        choose_slicer()
     engine, shared = program(path, "CuraEngine", ""), tmp_path / "cura"
     assert usable(Slicer.CURA, (), cura_shared=[str(shared)]) is None
     definition = shared / CURA_DEFINITION
@@ -127,14 +136,6 @@ def test_a_slicer_that_is_none_is_refused(path, name, said):
     """Falling back to another would print something the user did not ask for."""
     with pytest.raises(InputError, match=said):
         choose_slicer(name, None)
-
-
-def test_the_builtin_slicer_takes_no_configuration(tmp_path):
-    """It would be ignored."""
-    config = tmp_path / "c.ini"
-    config.write_text("")
-    with pytest.raises(InputError, match="means nothing to the built-in slicer"):
-        choose_slicer(BUILTIN, str(config))
 
 
 @pytest.mark.slow
@@ -198,35 +199,10 @@ def test_the_cause_is_the_last_line_that_blames_something():
     assert why("") == ""
 
 
-@pytest.mark.slow
-def test_the_part_lies_in_the_middle_of_the_machines_bed(path, cube, capsys):
-    """At the middle of another printer's bed it would hang over the edge of a small one."""
-    machine = load_machine("mini")
-    assert run(["plan", str(cube), *PLAN[2:], "--machine", "mini", "--json"]) == 0
-    capsys.readouterr()
-    assert Bed.of(machine).center == (90.0, 90.0)
+def test_the_bed_is_that_of_the_machine():
+    """At the middle of another printer's bed a part would hang over the edge of a small one."""
+    assert Bed.of(load_machine("mini")).center == (90.0, 90.0)
     assert Bed.of(load_machine("paper")).center == (125.0, 105.0)
-
-
-@pytest.mark.slow
-def test_the_builtin_slicers_print_lifts_parks_and_says_what_it_is(path, cube, tmp_path, capsys):
-    """It used to end with the hot nozzle on the part, without fan or skirt."""
-    out, sliced = tmp_path / "o.gcode", tmp_path / "s.gcode"
-    words = ["--temperature", "225", "--bed-temperature", "70"]
-    assert run(["plan", str(cube), *PLAN, *words, "-o", str(out), "--sliced", str(sliced)]) == 0
-    text = out.read_text()
-    assert "for experiments" in text and "for experiments" in capsys.readouterr().out
-    assert "M109 S225\n" in text and "M190 S70\n" in text
-    lines = text.splitlines()
-    second = lines.index(";Z:0.4")
-    fan = next(k for k, line in enumerate(lines) if line.startswith("M106 S255"))
-    assert lines.index("M107 ; fan off") < lines.index(";TYPE:Skirt/Brim") < second
-    assert abs(fan - second) < 10  # from the second layer on
-    motions = read_motions(out)
-    last = int(np.flatnonzero(motions.contour >= 0)[-1])
-    assert motions.points[-1].tolist() == [5.0, 205.0, 12.0]
-    assert motions.points[last + 2 :, 2].min() >= 2.0
-    assert run(["verify", str(out), "--source", str(sliced), "--machine", "mk4s"]) == 0
 
 
 @pytest.mark.slow
@@ -260,12 +236,11 @@ def test_real_prints_stand_up_to_the_judge(cube, tmp_path, capsys, scratch, slic
 
 
 @pytest.mark.slow
-def test_launch_puts_a_part_in_the_middle_of_its_machine_s_bed(cube, tmp_path, capsys):
+def test_launch_puts_a_part_in_the_middle_of_its_machine_s_bed(path, cube, tmp_path):
     """It lay at (150, 150) on every machine, and off the bed of a small one."""
-    plan = tmp_path / "plan.json"
-    words = ["--machine", "dueling-zero", "--time-limit", "1", "--plan", str(plan)]
+    heard = f"echo $* > {tmp_path}/words\ncat printer.ini > {tmp_path}/printer.ini\n"
+    program(path, "prusa-slicer", heard + writes(GCODE))
+    words = ["--machine", "dueling-zero", "--time-limit", "0.5"]
     assert run(["launch", str(cube), *words]) == 0
-    document = read_plan(plan)
-    points = document.contours.points[:, :2]
-    middle = Bed.of(load_machine("dueling-zero")).center
-    assert (points.min(axis=0) + points.max(axis=0)) / 2 == pytest.approx(middle, abs=0.5)
+    assert "--center 82.5,80 " in (tmp_path / "words").read_text()
+    assert "skirts = 0\n" in (tmp_path / "printer.ini").read_text()  # start code primes the heads

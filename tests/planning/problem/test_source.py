@@ -62,18 +62,6 @@ def test_a_mesh_needs_a_machine(tmp_path, capsys):
     assert "--machine" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["plan", "launch"])
-def test_a_mesh_in_other_units_is_refused_before_it_is_sliced(command, tmp_path, capsys):
-    """A cube of 2 m, as of a file in micrometres, was sliced for minutes."""
-    source = tmp_path / "cube.stl"
-    trimesh.creation.box([2000.0, 2000.0, 2000.0]).export(source)
-    machine = {"plan": "mk4s", "launch": "dual-gantry"}[command]
-    slicer = ["--slicer", "builtin"] if command == "plan" else []
-    assert run([command, str(source), "--machine", machine, *slicer]) == 2
-    said = capsys.readouterr().err
-    assert "the mesh is 2000 x 2000 x 2000 mm, larger than what can be printed" in said
-
-
 @pytest.mark.parametrize("more", [[], ["--layer-height", "0.2"]])
 @pytest.mark.parametrize("name", ["part.step", "part.PLY", "part.glb"])
 def test_a_model_of_another_kind_is_called_that(name, more, tmp_path, capsys):

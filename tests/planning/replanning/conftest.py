@@ -12,7 +12,6 @@ import pytest
 from agents.launching.status import LaunchError
 from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.planned import document_of
@@ -43,7 +42,7 @@ def read_made(path: Path) -> Source:
     """Read G-code for two heads, under the limits of the machine."""
     machine = load_machine("dual-gantry")
     return read_source(
-        path, machine, limits=Limits.MACHINE, mesh=SliceOptions(), report=unheard
+        path, machine, limits=Limits.MACHINE, report=unheard
     )  # fmt: skip
 
 

@@ -11,7 +11,6 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
-from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
@@ -50,7 +49,7 @@ class Made(NamedTuple):
 def made_of(path: Path, folder: Path, tools: tuple[int, int] = (0, 1)) -> Made:
     """Plan a print of two tools by hand: each by its head, in the order it is sliced in."""
     source = read_source(
-        path, machine_file(folder, *tools), limits=Limits.MACHINE, mesh=SliceOptions(),
+        path, machine_file(folder, *tools), limits=Limits.MACHINE,
         report=unheard,
     )  # fmt: skip
     problem = team_problem(source, Rules(), unheard)
@@ -157,7 +156,7 @@ def test_a_cut_print_of_several_tools_is_replanned(
     source = Path(two_bars(tmp_path))
     result, _, _ = launched(str(source), tmp_path, agents, cut=Cut.ALL)
     found = read_source(
-        source, result.document.machine, limits=Limits.MACHINE, mesh=SliceOptions(),
+        source, result.document.machine, limits=Limits.MACHINE,
         report=unheard,
     )  # fmt: skip
     assert result.document.contours.of is not None

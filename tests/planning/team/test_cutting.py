@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 from matplotlib.figure import Figure
 from playwright.sync_api import Browser
 
@@ -18,12 +17,10 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.writing.parts import uncut_segments
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Event, Note, unheard
-from decmcts.planning.options import Cut, Freedom, Limits, Rules, TeamSearch
+from decmcts.planning.options import Cut, Freedom, Rules, TeamSearch
 from decmcts.planning.problem.planned import before_by_pieces
 from decmcts.planning.problem.print_problem import load, problem_of
-from decmcts.planning.problem.source import read_source
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team import cutting, joint
@@ -52,6 +49,7 @@ from sim.pictures.report.data import saving_of
 from sim.verify import verify_plan
 from tests.conftest import opened
 from tests.makers.agents import Agents
+from tests.makers.plate import plate
 from tests.prints import slab
 from tests.sim.pictures.report.unpacking import page_of
 
@@ -189,21 +187,11 @@ def test_of_each_layer_the_layout_is_taken_in_which_heads_end_first(
     assert max(ends.values()) == ends[0] > min(ends.values())
 
 
-def test_what_is_late_in_a_sweep_is_cut_sooner(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_late_in_a_sweep_is_cut_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
     """Round holes touch what lies between them where the heads' territories meet."""
-    plate = trimesh.creation.box((1000.0, 100.0, 0.8))
-    holes = [trimesh.creation.cylinder(15.0, 2.0) for _ in range(10)]
-    for k, hole in enumerate(holes):
-        hole.apply_translation((100.0 * k - 450.0, 0.0, 0.0))
-    plate = trimesh.boolean.difference([plate, *holes], engine="manifold")
-    plate.apply_translation((600.0, 150.0, 0.4))
-    plate.export(tmp_path / "plate.stl")
-    source = read_source(
-        tmp_path / "plate.stl", rail_machine(load_machine("dual-gantry"), 8, 1200.0),
-        limits=Limits.SOURCE, mesh=SliceOptions(center=None), report=unheard,
-    )  # fmt: skip
+    machine = rail_machine(load_machine("dual-gantry"), 8, 1200.0)
+    holes = [(150.0 + 100.0 * k, 150.0) for k in range(10)]
+    source = plate((1000.0, 100.0, 0.8), (600.0, 150.0), machine, holes=holes, radius=15.0)
     problem = problem_of(source, Rules(), unheard)
     ends = {}
     monkeypatch.setattr(cutting, "OTHERS", ())

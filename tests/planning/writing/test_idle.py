@@ -12,7 +12,6 @@ from decmcts.cli.lines import team_lines
 from decmcts.cli.run import run
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.formats.gcode.writing.hot_ends import HotEndTarget
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.options import Limits, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.source import read_source
@@ -63,7 +62,7 @@ def launched(
         text = text.replace(before, after, 1)
     machine.write_text(text)
     given = read_source(
-        Path(source), str(machine), limits=Limits.SOURCE, mesh=SliceOptions(),
+        Path(source), str(machine), limits=Limits.SOURCE,
         report=lambda event: None,
     )  # fmt: skip
     problem = team_problem(given, rules, lambda event: None)

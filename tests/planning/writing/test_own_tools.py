@@ -14,7 +14,6 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.formats.gcode.reading.without_tower import without_tower
 from decmcts.formats.gcode.writing.own_tools import Freed, with_own_tools
-from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.options import RULES, Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
@@ -49,7 +48,7 @@ def launched(
     said: list[str] = []
     machine = machine_file(folder, 0, 1)
     given = read_source(
-        Path(source), machine, limits=Limits.SOURCE, mesh=SliceOptions(),
+        Path(source), machine, limits=Limits.SOURCE,
         report=lambda event: None,
     )  # fmt: skip
     problem = team_problem(given, rules, lambda event: said.append(str(event)))
