@@ -277,12 +277,6 @@ def covers_nozzle(polygon: NDArray[np.float64]) -> bool:
     return bool((_crossed(polygon) >= 0.0).all())
 
 
-def inner_radius(polygon: NDArray[np.float64]) -> float:
-    """Return the distance of the origin to the nearest side, below 0 outside."""
-    sides = np.roll(polygon, -1, axis=0) - polygon
-    return float((_crossed(polygon) / np.linalg.norm(sides, axis=1)).min())
-
-
 def _turns(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (k,) cross products at the corners: positive turns left."""
     into = polygon - np.roll(polygon, 1, axis=0)

@@ -99,7 +99,6 @@ def _head(pair: Machine, k: int, heads: int, length: float) -> Head:
 
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
-_INI = re.compile(r"^(?P<file>.+\.ini)(:(?P<name>[^/\\]+))?$", re.IGNORECASE)
 _RAILS = {f"rail-{heads}": heads for heads in SIZES}  # presets that have no file
 
 
@@ -117,7 +116,7 @@ def load_machine(name_or_path: str) -> Machine:
     ----------
     name_or_path : str
         A preset (`preset_names`), ``FILE.toml``, a slicer's profile (``FILE.json``,
-        ``FILE.ini``, ``BUNDLE.ini:PRINTER``), or ``geometries.json:NAME`` where NAME is
+        ``FILE.ini``), or ``geometries.json:NAME`` where NAME is
         a printer model of PrusaSlicer's file, in any case.
 
     Raises
@@ -144,8 +143,8 @@ def load_machine(name_or_path: str) -> Machine:
         return _from_toml(read_bytes(Path(name)), Path(name))
     if name.lower().endswith(".json"):
         return _from_json(Path(name))
-    if ini := _INI.match(name):
-        return machine_from_ini(Path(ini["file"]), ini["name"])
+    if name.lower().endswith(".ini"):
+        return machine_from_ini(Path(name))
     raise InputError(f"unknown machine {name!r}", advice=_known(name))
 
 
@@ -153,11 +152,6 @@ def preset_for_printer(model: str) -> str | None:
     """Return the preset for a slicer's `printer_model`, e.g. MK4S or MINIIS, or None."""
     known = together("printers").items()
     return next((name for pattern, name in known if re.match(pattern, model.upper())), None)
-
-
-def preset_by_clearances(model: str) -> str | None:
-    """Return the preset made of the clearances in this printer's profile, or None."""
-    return together("profiles").get(model.strip().lower())
 
 
 def _presets() -> Traversable:
