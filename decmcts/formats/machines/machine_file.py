@@ -30,7 +30,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.arguments import checked
 from decmcts.errors import InputError
@@ -272,23 +271,13 @@ def _slices(printer: Fields) -> list[dict[str, Any]]:
 
 
 def _ring(text: str, where: str, path: Path | str | None) -> list[list[float]]:
-    """Return a counter-clockwise convex ring; the file's rings run either way."""
+    """Return a ring counter-clockwise; the file's rings run either way."""
     try:
         points = np.array([[float(v) for v in pair.split(",")] for pair in text.split(";")])
     except ValueError:
         points = np.empty((0, 0))
     if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= UNKNOWN_BED_MM).all():
         fail(where, f"expected 'x,y;x,y;...', found {text!r}", path)
-    return [list(map(float, row)) for row in _counter_clockwise(points, where, path)]
-
-
-def _counter_clockwise(
-    points: NDArray[np.float64], where: str, path: Path | str | None
-) -> NDArray[np.float64]:
-    hull = shapely.MultiPoint(points).convex_hull
-    if len(points) < 3 or hull.geom_type != "Polygon":
-        fail(where, f"{len(points)} points with no area between them", path)
-    ring = shapely.LinearRing(points)
-    if not ring.is_simple or shapely.Polygon(ring).area < hull.area * (1.0 - 1e-9):
-        fail(where, "it is not convex", path, "split it into convex polygons")
-    return points if ring.is_ccw else points[::-1]
+    if len(points) >= 3 and not shapely.LinearRing(points).is_ccw:
+        points = points[::-1]
+    return points.tolist()
