@@ -26,11 +26,9 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import (
     GcodeDocument,
     Motions,
-    ending_faults,
     read_gcode,
     read_motions,
     read_written,
-    same_extrusions,
 )
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.formats.mesh import is_mesh
@@ -39,10 +37,11 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Ints
 from sim.content.inventory import alike_of
-from sim.content.seams import Moved, seams_of_file, source_with
+from sim.content.seams import Moved, seams_of_file
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.changes import Taken, as_taken
 from sim.files.commands import check_book, check_commands
+from sim.files.endings import ending_faults
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
@@ -160,14 +159,12 @@ def _read_back(
     plate: int | None,
 ) -> ReadBack:
     """Read a file that was made from a document; raises InputError where that fails."""
-    ours, ours_document, motions, ending = read_written(path, document, plate)
+    ours, _, motions, ending = read_written(path, document, plate)
     moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
     taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
     texts = taken is None  # else how hot tools are told to be is compared by their values alone
     endings = ending_faults(document, ending, hot_ends=texts)
-    job, document = source_with(job, document, moved)
-    differences = same_extrusions(job, document, ours, ours_document, hot_ends=texts)
-    faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
+    faults = listed(FaultKind.STATE, endings)
     return ReadBack(load_text(path, plate), motions, moved, faults, taken)
 
 
