@@ -31,7 +31,6 @@ from decmcts.formats.gcode import (
     read_written,
 )
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
-from decmcts.formats.mesh import is_mesh
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
@@ -187,13 +186,11 @@ def _check_source_text(
     written: ReadBack, moves: Motions, document: GcodeDocument, matched: Matched,
     taken: Taken | None,
 ) -> list[Fault]:  # fmt: skip
-    """Check commands, settings and temperatures against the source's text, if there is one."""
+    """Check commands, settings and temperatures against the source's text."""
     try:
         source = source_text(document)
     except InputError as error:
         return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
-    if source is None:
-        return []
     ours, theirs = settings_of(written.text), settings_of(source)
     travels = TravelSettings.of(theirs, travels_of(moves))
     known = matched.source_line >= 0
@@ -213,17 +210,9 @@ def travels_of(motions: Motions) -> Ints:
     return np.asarray(motions.line, np.int64)[moves]
 
 
-def source_text(document: GcodeDocument) -> bytes | None:
-    """Return the text of a source; None of a mesh sliced here, which has none.
-
-    Raises
-    ------
-    InputError
-        When it cannot be read once more.
-    """
-    if document.text is not None:
-        return document.text
-    return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
+def source_text(document: GcodeDocument) -> bytes:
+    """Return the text of a source; raises InputError when it cannot be read once more."""
+    return document.text or load_text(document.path, document.plate)
 
 
 def _check_stands(dwells: Sequence[Dwell], motions: Motions, matched: Matched) -> list[Fault]:
@@ -314,9 +303,7 @@ def read_without_tower(
     document: GcodeDocument, plate: int | None = None
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return a source read anew without its wipe tower; linear in its text."""
-    text = source_text(document)
-    assert text is not None
-    return read_gcode(document.path, plate, text=_left_out(text))
+    return read_gcode(document.path, plate, text=_left_out(source_text(document)))
 
 
 def _left_out(text: bytes) -> bytes:

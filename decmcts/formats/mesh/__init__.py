@@ -46,7 +46,7 @@ def slice_mesh(
         sliced = folder / f"{source.stem}.gcode"
         sliced.write_text(text, encoding="utf-8", newline="\n")
         job, document = read_sliced(sliced, source)
-    return job, replace(document, path=str(source))
+    return job, replace(document, path=str(source), text=text.encode())
 
 
 def read_sliced(sliced: Path, mesh: Path) -> tuple[PrintJob, GcodeDocument]:
