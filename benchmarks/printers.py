@@ -58,23 +58,16 @@ def movable_with(path: Path, machine: Any) -> int:
 
 
 def heads_of(path: Path) -> tuple[Any, Any]:
-    """Return the machine of a file's clearances and its printer's preset; None where there is none.
-
-    A preset is the real head only where its shape was measured, not made of clearances.
-    """
+    """Return the machine of a file's clearances and its printer's preset; None: there is none."""
     from decmcts.formats.gcode.text.source_text import load_text
     from decmcts.formats.heads.clearances import SETTINGS, clearance_machine, read_clearances
-    from decmcts.formats.machines.machine_file import (
-        load_machine,
-        preset_by_clearances,
-        preset_for_printer,
-    )
+    from decmcts.formats.machines.machine_file import load_machine, preset_for_printer
     from decmcts.formats.machines.own_machine import comment_settings
 
     found = read_clearances(comment_settings(load_text(path), SETTINGS, path), path)
     if found is None:
         return None, None
-    preset = preset_for_printer(found.printer) or preset_by_clearances(found.printer)
+    preset = preset_for_printer(found.printer)
     return clearance_machine(found, source=path.name), load_machine(preset) if preset else None
 
 
@@ -183,7 +176,7 @@ def main() -> None:
     text += f" --time-limit {options.time_limit:g}`. Every file of the corpus that states "
     text += "clearances, planned without `--machine` and verified. A contour could move if the "
     text += "order constraints leave it free against a contour of another layer. Presets of Prusa "
-    text += "printers are their real heads; the others are made of the printer's profile.\n\n"
+    text += "printers are their real heads.\n\n"
     text += table(list(latest.values()), slicers)
     (options.results / "printers.md").write_text(text)
 

@@ -94,7 +94,7 @@ def build_graph(
     touching = touching_kinds(process_order=process_order, quality=quality, brims=brims)
     contacts = find_contacts(contours, beads, heads) if contacts is None else contacts
     graph = _build(contours, heads, beads, touching, ROWS_BYTES)
-    return graph.also(contacts.ordered, EdgeKind.CONTACT)
+    return graph.with_edges(contacts.ordered, EdgeKind.CONTACT, over=True)
 
 
 def closure_of(graph: DependencyGraph) -> NDArray[np.uint64]:

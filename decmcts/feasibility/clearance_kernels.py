@@ -222,52 +222,22 @@ def segment_blocks(
 
 
 @kernel
-def segment_reaches(
-    points: NDArray[np.float64],
-    q: int,
-    nozzle: NDArray[np.float64],
-    j: int,
-    head: PackedHead,
-    k: int,
-    r: float,
-) -> bool:
-    """Tell whether bead segment q..q+1 may block polygon k somewhere in nozzle box j.
+def chunk_depth(
+    beads: Centrelines, a: int, chunk_a: int, b: int, chunk_b: int, head: PackedHead, k: int,
+    depth: float, most: float, quad: NDArray[np.float64],
+) -> float:  # fmt: skip
+    """Return the greatest depth at which a chunk of a's bead blocks polygon k on a chunk of b.
 
-    The tests of `segment_blocks`, operation by operation: rounding cannot make it refuse
-    what that would accept for a segment in the box.
+    Only what is deeper than `depth` is looked at, which is returned where there is nothing; the
+    first above `most` ends the search. The tests of `segment_blocks` by boxes stand here with bare
+    numbers, operation by operation: a call that hands over all the arrays costs more than they do.
     """
-    if max(points[q, 2], points[q + 1, 2]) <= nozzle[j, 4] + head.heights[k] + Z_EPS:
-        return False
-    for axis in range(2):
-        low = min(points[q, axis], points[q + 1, axis]) - nozzle[j, axis + 2]
-        high = max(points[q, axis], points[q + 1, axis]) - nozzle[j, axis]
-        if low > head.boxes[k, axis + 2] + r or high < head.boxes[k, axis] - r:
-            return False
-    return True
-
-
-@kernel
-def chunk_blocks(
-    beads: Centrelines,
-    b: int,
-    chunk_b: int,
-    a: int,
-    chunk_a: int,
-    head: PackedHead,
-    k: int,
-    quad: NDArray[np.float64],
-) -> bool:
-    """Tell whether a chunk of b's bead blocks polygon k on a chunk of a.
-
-    The tests of `segment_reaches` and `segment_blocks` by boxes stand here with bare numbers,
-    operation by operation: a call that hands over all the arrays costs more than they do.
-    """
-    q_first = beads.offsets[b] + (chunk_b - beads.chunk_offsets[b]) * CHUNK
-    p_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
-    q_last = min(q_first + CHUNK, beads.offsets[b + 1] - 1)
-    p_last = min(p_first + CHUNK, beads.offsets[a + 1] - 1)
-    points, boxes, r = beads.points, beads.chunk_boxes, beads.radius[b]
-    height, lowest = head.heights[k], boxes[chunk_a, 4]
+    q_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
+    p_first = beads.offsets[b] + (chunk_b - beads.chunk_offsets[b]) * CHUNK
+    q_last = min(q_first + CHUNK, beads.offsets[a + 1] - 1)
+    p_last = min(p_first + CHUNK, beads.offsets[b + 1] - 1)
+    points, boxes, r = beads.points, beads.chunk_boxes, beads.radius[a]
+    height, lowest = head.heights[k], boxes[chunk_b, 4]
     x_least, y_least = head.boxes[k, 0] - r, head.boxes[k, 1] - r
     x_most, y_most = head.boxes[k, 2] + r, head.boxes[k, 3] + r
     for q in range(q_first, q_last):
@@ -277,10 +247,10 @@ def chunk_blocks(
         y_low, y_high, top = min(y, y_to), max(y, y_to), max(z, z_to)
         if (
             top <= lowest + height + Z_EPS
-            or x_low - boxes[chunk_a, 2] > x_most
-            or x_high - boxes[chunk_a, 0] < x_least
-            or y_low - boxes[chunk_a, 3] > y_most
-            or y_high - boxes[chunk_a, 1] < y_least
+            or x_low - boxes[chunk_b, 2] > x_most
+            or x_high - boxes[chunk_b, 0] < x_least
+            or y_low - boxes[chunk_b, 3] > y_most
+            or y_high - boxes[chunk_b, 1] < y_least
         ):
             continue
         for p in range(p_first, p_last):
@@ -291,38 +261,52 @@ def chunk_blocks(
                 or y_high - min(points[p, 1], points[p + 1, 1]) < y_least
             ):
                 continue
-            if segment_blocks(points, q, p, head, k, r, quad):
-                return True
-    return False
+            over = top - min(points[p, 2], points[p + 1, 2])
+            if over > depth and segment_blocks(points, q, p, head, k, r, quad):
+                depth = over
+                if depth > most:
+                    return depth
+    return depth
 
 
 @kernel
-def polygon_blocks(
-    beads: Centrelines, b: int, a: int, head: PackedHead, k: int, quad: NDArray[np.float64]
-) -> bool:
-    """Tell whether contour b's bead blocks polygon k anywhere on contour a."""
-    r = beads.radius[b]
-    for chunk_b in range(beads.chunk_offsets[b], beads.chunk_offsets[b + 1]):
-        if not box_reaches(beads.chunk_boxes, chunk_b, beads.boxes, a, head, k, r):
+def polygon_depth(
+    beads: Centrelines, a: int, b: int, head: PackedHead, k: int, depth: float, most: float,
+    quad: NDArray[np.float64],
+) -> float:  # fmt: skip
+    """Return as `chunk_depth`, of the whole contours a and b."""
+    boxes, r = beads.chunk_boxes, beads.radius[a]
+    for chunk_a in range(beads.chunk_offsets[a], beads.chunk_offsets[a + 1]):
+        if not box_reaches(boxes, chunk_a, beads.boxes, b, head, k, r):
             continue
-        for chunk_a in range(beads.chunk_offsets[a], beads.chunk_offsets[a + 1]):
-            if box_reaches(
-                beads.chunk_boxes, chunk_b, beads.chunk_boxes, chunk_a, head, k, r
-            ) and chunk_blocks(beads, b, chunk_b, a, chunk_a, head, k, quad):
-                return True
-    return False
+        for chunk_b in range(beads.chunk_offsets[b], beads.chunk_offsets[b + 1]):
+            if boxes[chunk_a, 5] - boxes[chunk_b, 4] > depth and box_reaches(
+                boxes, chunk_a, boxes, chunk_b, head, k, r
+            ):
+                depth = chunk_depth(beads, a, chunk_a, b, chunk_b, head, k, depth, most, quad)
+                if depth > most:
+                    return depth
+    return depth
 
 
 @kernel
-def blocking_polygon(
-    beads: Centrelines, b: int, a: int, head: PackedHead, quad: NDArray[np.float64]
-) -> int:
-    """Return the first polygon of the head that b's bead blocks somewhere on a, or -1."""
+def contact_depth(
+    beads: Centrelines, a: int, b: int, head: PackedHead, most: float, quad: NDArray[np.float64]
+) -> tuple[float, int]:
+    """Return how far a's bead stands above the tip where it blocks the head at b, and the polygon.
+
+    The greatest over all segments, mm, 0 and -1 where it does not block; the first above `most`
+    ends the search.
+    """
+    depth, polygon = 0.0, -1
     for k in range(len(head.heights)):
-        if beads.boxes[b, 5] <= beads.boxes[a, 4] + head.heights[k] + Z_EPS:
-            return -1
-        if box_reaches(beads.boxes, b, beads.boxes, a, head, k, beads.radius[b]) and polygon_blocks(
-            beads, b, a, head, k, quad
-        ):
-            return k
-    return -1
+        if beads.boxes[a, 5] <= beads.boxes[b, 4] + head.heights[k] + Z_EPS:
+            break  # all others are higher
+        if not box_reaches(beads.boxes, a, beads.boxes, b, head, k, beads.radius[a]):
+            continue
+        found = polygon_depth(beads, a, b, head, k, depth, most, quad)
+        if found > depth:
+            depth, polygon = found, k
+            if depth > most:
+                break
+    return depth, polygon

@@ -22,8 +22,8 @@ from decmcts.feasibility.clearance_kernels import (
     Z_EPS,
     Centrelines,
     PackedHead,
-    blocking_polygon,
     box_points,
+    contact_depth,
     point_segment2,
 )
 
@@ -162,7 +162,7 @@ def required(
     """Return the kind of the edge (a, b), the least negotiable if several, or 0."""
     if rules.epoch[a] < rules.epoch[b]:
         return STATE
-    if blocking_polygon(beads, b, a, head, quad) >= 0:
+    if contact_depth(beads, b, a, head, 0.0, quad)[1] >= 0:  # the first depth ends it
         return GEOMETRY
     kind = rules.touching[rules.role[a], rules.role[b]]
     if kind and rules.layer[a] == rules.layer[b] and rules.of[a] != rules.of[b]:

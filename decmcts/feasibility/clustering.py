@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from decmcts.feasibility.build import closure_of
 from decmcts.feasibility.clustering_kernels import (
     Neighbours,
-    add_ancestor_counts,
     cluster_depths,
     depths,
     edge_gammas,
@@ -37,8 +37,6 @@ from decmcts.feasibility.clustering_kernels import (
     topological_ranks,
 )
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
-
-COUNT_COLUMNS = 8192  # ancestors counted at a time
 
 
 def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArray[np.int32]:
@@ -163,10 +161,5 @@ def _gammas(quotient: DependencyGraph) -> NDArray[np.float64]:
 
 
 def _ancestor_counts(graph: DependencyGraph) -> NDArray[np.int64]:
-    """Return how many nodes each node depends on, (n,); takes 1 kB a node."""
-    counts = np.zeros(graph.n, np.int64)
-    for first in range(0, graph.n, COUNT_COLUMNS):
-        width = -(-min(COUNT_COLUMNS, graph.n - first) // 64)
-        rows = np.empty((graph.n - first, width), np.uint64)
-        add_ancestor_counts(graph.pred_offsets, graph.preds, first, rows, counts)
-    return counts
+    """Return how many nodes each node depends on, (n,); takes n² / 8 bytes."""
+    return np.asarray(np.bitwise_count(closure_of(graph)).sum(axis=1, dtype=np.int64))

@@ -15,13 +15,10 @@ from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import (
-    CHUNK,
     Z_EPS,
     Centrelines,
     PackedHead,
-    box_reaches,
-    segment_blocks,
-    segment_reaches,
+    contact_depth,
 )
 from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words, touches
 
@@ -70,60 +67,6 @@ def in_danger(boxes: NDArray[np.float64], i: int, danger: NDArray[np.float64]) -
         ):
             return True
     return False
-
-
-@kernel
-def contact_depth(
-    beads: Centrelines, a: int, b: int, head: PackedHead, most: float, quad: NDArray[np.float64]
-) -> tuple[float, int]:
-    """Return how far a's bead stands above the tip where it blocks the head at b, and the polygon.
-
-    The greatest over all segments, mm, 0 and -1 where it does not block; the first above `most`
-    ends the search.
-    """
-    depth, polygon = 0.0, -1
-    for k in range(len(head.heights)):
-        if not box_reaches(beads.boxes, a, beads.boxes, b, head, k, beads.radius[a]):
-            continue
-        for chunk_a in range(beads.chunk_offsets[a], beads.chunk_offsets[a + 1]):
-            if not box_reaches(
-                beads.chunk_boxes, chunk_a, beads.boxes, b, head, k, beads.radius[a]
-            ):
-                continue
-            for chunk_b in range(beads.chunk_offsets[b], beads.chunk_offsets[b + 1]):
-                if beads.chunk_boxes[chunk_a, 5] - beads.chunk_boxes[chunk_b, 4] <= depth:
-                    continue
-                found = chunk_depth(beads, a, chunk_a, b, chunk_b, head, k, depth, quad)
-                if found > depth:
-                    depth, polygon = found, k
-                    if depth > most:
-                        return depth, polygon
-    return depth, polygon
-
-
-@kernel
-def chunk_depth(
-    beads: Centrelines, a: int, chunk_a: int, b: int, chunk_b: int, head: PackedHead, k: int,
-    depth: float, quad: NDArray[np.float64],
-) -> float:  # fmt: skip
-    """Return the greatest depth at which a chunk of a's bead blocks polygon k on a chunk of b.
-
-    Only what is deeper than `depth` is looked at, which is returned where there is nothing.
-    """
-    points, r = beads.points, beads.radius[a]
-    if not box_reaches(beads.chunk_boxes, chunk_a, beads.chunk_boxes, chunk_b, head, k, r):
-        return depth
-    q_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
-    p_first = beads.offsets[b] + (chunk_b - beads.chunk_offsets[b]) * CHUNK
-    for q in range(q_first, min(q_first + CHUNK, beads.offsets[a + 1] - 1)):
-        if not segment_reaches(points, q, beads.chunk_boxes, chunk_b, head, k, r):
-            continue
-        top = max(points[q, 2], points[q + 1, 2])
-        for p in range(p_first, min(p_first + CHUNK, beads.offsets[b + 1] - 1)):
-            over = top - min(points[p, 2], points[p + 1, 2])
-            if over > depth and segment_blocks(points, q, p, head, k, r, quad):
-                depth = over
-    return depth
 
 
 @kernel

@@ -8,12 +8,10 @@ same plans resolve to depends on, the source's process and the planner's own cod
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from functools import cache
 from hashlib import blake2b
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +22,7 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Head, Idle, Machine
 
+_HOME = Path(__file__).parents[1]
 DIGEST_BYTES = 32
 ROUND_TO = 1e-6  # mm, mm/s ...: numbers count as equal when they round to the same multiple
 ROOMS_OF_A_PLAN = ("feasibility", "print", "search/sequence", "team")
@@ -71,20 +70,9 @@ def code_digest() -> str:
     """Return the digest of the source code that resolves plans: another version differs."""
     state = blake2b(digest_size=DIGEST_BYTES, person=b"decmcts-code-1")
     for room in ROOMS_OF_A_PLAN:
-        for name, text in _sources(files("decmcts").joinpath(room), room):
-            state.update(_text(name))
-            state.update(_text(text))
+        for path in sorted((_HOME / room).rglob("*.py")):
+            state.update(_text(path.relative_to(_HOME).as_posix()) + _text(path.read_text("utf-8")))
     return state.hexdigest()
-
-
-def _sources(folder: Traversable, name: str) -> Iterator[tuple[str, str]]:
-    """Yield name and text of each source file of a folder, and of the folders in it."""
-    for each in sorted(folder.iterdir(), key=lambda item: item.name):
-        inner = f"{name}/{each.name}"
-        if each.is_dir():
-            yield from _sources(each, inner)
-        elif each.name.endswith(".py"):
-            yield inner, each.read_text("utf-8")
 
 
 def _absorb(state: blake2b, value: Any) -> None:

@@ -58,21 +58,27 @@ class DependencyGraph:
         b = np.repeat(np.arange(self.n, dtype=np.int32), np.diff(self.pred_offsets))
         return np.stack([self.preds, b], axis=1)
 
-    def also(self, pairs: NDArray[np.int32], kind: EdgeKind) -> DependencyGraph:
-        """Return the graph with more edges (k, 2) of a kind; those that are there become of it."""
+    def with_edges(
+        self, pairs: NDArray[np.integer], kind: EdgeKind, *, over: bool = False
+    ) -> DependencyGraph:
+        """Return the graph with more edges (k, 2) of a kind.
+
+        Those that are there keep their own kind, unless this one counts `over` it.
+        """
         if not len(pairs):
             return self
-        mine, more = (rows.astype(np.int64) @ [self.n, 1] for rows in (self.pairs(), pairs))
-        kept = ~np.isin(mine, more)
-        more = np.unique(more)
-        fresh = np.stack([more // self.n, more % self.n], axis=1).astype(np.int32)
+        there, more = (rows.astype(np.int64) @ [self.n, 1] for rows in (self.pairs(), pairs))
+        kept = ~(np.isin(there, more) & over)
+        fresh = np.setdiff1d(more, there[kept])
+        both = np.concatenate([there[kept], fresh])
         kinds = np.concatenate([self.kinds[kept], np.full(len(fresh), kind, np.uint8)])
-        both = np.concatenate([self.pairs()[kept], fresh])
-        return DependencyGraph.from_pairs(self.n, both, kinds)
+        return DependencyGraph.from_pairs(
+            self.n, np.stack([both // self.n, both % self.n], axis=1), kinds
+        )
 
     @staticmethod
     def from_pairs(
-        n: int, pairs: NDArray[np.int32], kinds: NDArray[np.uint8] | None = None
+        n: int, pairs: NDArray[np.integer], kinds: NDArray[np.uint8] | None = None
     ) -> DependencyGraph:
         """Build from (m, 2) rows (a, b); raises ValueError unless 0 <= a < b < n."""
         pairs = np.asarray(pairs, np.int32).reshape(-1, 2)

@@ -88,7 +88,9 @@ def prime_first(graph: DependencyGraph, job: PrintJob) -> DependencyGraph:
     first[inside[:, 1]] = False
     due = np.flatnonzero(first)
     more = np.concatenate([chain, np.stack([last[groups.of[due]], due], axis=1)])
-    return _joined(graph, pairs, kept, more)
+    kept |= np.isin(pairs @ [graph.n, 1], more @ [graph.n, 1])
+    graph = DependencyGraph.from_pairs(graph.n, pairs[kept], graph.kinds[kept])
+    return graph.with_edges(more, EdgeKind.PRIMING)
 
 
 def _groups_of(contours: Contours) -> _ToolEpochs:
@@ -204,23 +206,6 @@ def _follows(
     return np.where(here == there, primes[a], out | into)
 
 
-def _joined(graph: DependencyGraph, pairs: Ints, kept: Bools, more: Ints) -> DependencyGraph:
-    """Return the graph of the kept edges and more; one that was there keeps its kind."""
-    old = pairs @ np.array([graph.n, 1])
-    new = more @ np.array([graph.n, 1])
-    kinds = np.full(len(more), EdgeKind.PRIMING, np.uint8)
-    sort = np.argsort(old)
-    if len(old):
-        at = sort[np.minimum(np.searchsorted(old, new, sorter=sort), len(old) - 1)]
-        kinds = np.where(old[at] == new, graph.kinds[at], kinds)
-    kept = kept & ~np.isin(old, new)
-    return DependencyGraph.from_pairs(
-        graph.n,
-        np.concatenate([pairs[kept], more]).astype(np.int32),
-        np.concatenate([graph.kinds[kept], kinds]),
-    )
-
-
 def order_rules(
     job: PrintJob,
     machine: Machine,
@@ -331,7 +316,7 @@ def limit_lead(graph: DependencyGraph, layer: NDArray[np.int32], *, layers: int)
             found.append(_between(lasts[low], firsts[high], hub))
             loose = firsts[high][~supported[firsts[high]]]
             found.append(np.stack([np.full(len(loose), begins[high - 1]), loose], axis=1))
-    return _with(graph, np.concatenate(found))
+    return graph.with_edges(np.concatenate(found), EdgeKind.LEAD)
 
 
 def _ends(graph: DependencyGraph, run: Ints) -> tuple[list[Ints], list[Ints]]:
@@ -360,19 +345,4 @@ def _between(before: Ints, after: Ints, hub: int) -> Ints:
             np.stack([into, np.full(len(into), hub)], axis=1),
             np.stack([np.full(len(after), hub), after], axis=1),
         ]
-    )
-
-
-def _with(graph: DependencyGraph, more: Ints) -> DependencyGraph:
-    """Return the graph with more edges; one that is there keeps its kind."""
-    if not len(more):
-        return graph
-    there = graph.pairs().astype(np.int64)
-    fresh = np.setdiff1d(more @ [graph.n, 1], there @ [graph.n, 1])
-    pairs = np.stack([fresh // graph.n, fresh % graph.n], axis=1)
-    kinds = np.full(len(pairs), EdgeKind.LEAD, np.uint8)
-    return DependencyGraph.from_pairs(
-        graph.n,
-        np.concatenate([there, pairs]).astype(np.int32),
-        np.concatenate([graph.kinds, kinds]),
     )

@@ -22,6 +22,8 @@ from sim.faults import LIMIT, Fault, FaultKind, listed
 GRID_MM = 1e-3
 NEAR_MM = 3e-3  # both ends together, rounding to three decimals on both sides
 E_TOLERANCE_MM = 1e-4
+ROUNDED_E_MM = 2e-5  # files have five decimals
+ROUNDED_FEED_MM_S = 1e-3
 FEED_TOLERANCE_MM_S = 0.02  # files give whole mm/min
 SAME_E_MM = 3e-5  # filament of two segments alike, each rounded to 1e-5 in a file
 SAME_FEED_MM_S = 0.01
@@ -254,8 +256,8 @@ def altered(ours: Extrusions, source: Extrusions, match: Ints) -> list[Fault]:
     pairs = np.flatnonzero(match != NO_MATCH)
     faults: list[Fault] = []
     for kind, a, b, tolerance, unit in (
-        (FaultKind.EXTRUSION, ours.extrusion, source.extrusion, E_TOLERANCE_MM, "mm of filament"),
-        (FaultKind.FEED, ours.feed, source.feed, FEED_TOLERANCE_MM_S, "mm/s"),
+        (FaultKind.EXTRUSION, ours.extrusion, source.extrusion, ROUNDED_E_MM, "mm of filament"),
+        (FaultKind.FEED, ours.feed, source.feed, ROUNDED_FEED_MM_S, "mm/s"),
     ):
         off = pairs[np.abs(a[pairs] - b[match[pairs]]) > tolerance]
         lines = [

@@ -4,8 +4,10 @@ Each bead is laid with the fan, the factors of speed and flow, accelerations, pr
 the like that it is laid with in the source. A setting is a word of a command (`M204 P`), for the
 axis that it names or for both (`M593 X F`). `M204 S` is P and T at once. Of some settings each tool
 has its own (`M900 T1 K`). Firmwares differ in whether one that names no tool is of the tool in use
-or of all, so such a setting is kept in both ways, and both have to agree. Both texts are read by
-`sim.files.commands`, not by the reader that made the result.
+or of all, so such a setting is kept in both ways, and both have to agree. The tool in use is a
+setting, too, and so is the object that a bead belongs to, by command or by comment: printers leave
+out objects that are cancelled. Both texts are read by `sim.files.commands`, not by the reader that
+made the result.
 """
 
 from __future__ import annotations
@@ -41,7 +43,14 @@ _OF_TOOL = {  # the words that say of which tool
     b"SET_PRESSURE_ADVANCE": (b"EXTRUDER",),
 }  # fmt: skip
 _OF_TRAVELS = re.compile(r"M204 T|SET_VELOCITY_LIMIT|M20[135]|M220|M566|M593")  # how they begin
-_UNSET = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was set
+_OBJECT = re.compile(rb"(?:M624|EXCLUDE_OBJECT_START)\b|M486 ?S ?+(?!-)|(M625|EXCLUDE_OBJECT_END"
+                     rb"|M486 ?S ?-)", re.I)  # fmt: skip
+_LABELS = b"printing object"
+_LABEL = re.compile(rb"[\s;(]*(start |stop )?printing object(, unique)?")
+_UNSET = {  # in force where nothing was set
+    "fan": "0", "M220 S": "100", "M221 S": "100", "tool": "0", "object": "none", "label": "none",
+    "numbered label": "none",
+}  # fmt: skip
 
 SettingLines = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
@@ -53,8 +62,6 @@ def check_settings(
 ) -> list[Fault]:  # fmt: skip
     """Check that each bead is laid under the settings it is laid under in the source.
 
-    Where the source has not set anything yet, but for `_UNSET`, anything may be in force.
-
     Parameters
     ----------
     ours, theirs
@@ -65,7 +72,10 @@ def check_settings(
         Equal for beads that are alike in place, filament and feed: each may be any of them.
         None: no two are.
     """
-    books = [_ComparedSetting.of(name, ours.get(name, []), due) for name, due in theirs.items()]
+    books = [
+        _ComparedSetting.of(name, ours.get(name, []), theirs.get(name, []))
+        for name in dict.fromkeys([*theirs, *ours])
+    ]
     if alike is not None:
         source_line = _exchanged(books, line, source_line, alike)
     lines, total = list[str](), 0
@@ -74,7 +84,7 @@ def check_settings(
         total += len(wrong)
         lines += [
             f"line {line[k]} is printed with {book.name} {book.values[a[k]] or 'not set'}, in the "
-            f"source with {book.values[b[k]]} (line {source_line[k]} there)"
+            f"source with {book.values[b[k]] or 'not set'} (line {source_line[k]} there)"
             for k in wrong[:LIMIT].tolist()
         ]
     return listed(FaultKind.STATE, lines[:LIMIT], total=total)
@@ -148,7 +158,7 @@ class _ComparedSetting:
         """Return the values at lines of the file and of the source, and where they are at odds."""
         number = {value: k for k, value in enumerate(self.values)}
         a, b = in_force(self.has, number, line), in_force(self.due, number, source_line)
-        return a, b, np.flatnonzero((a != b) & ((b > 0) | bool(self.values[0])))
+        return a, b, np.flatnonzero(a != b)
 
 
 def _exchanged(books: list[_ComparedSetting], line: Ints, source_line: Ints, alike: Ints) -> Ints:
@@ -168,12 +178,14 @@ def _exchanged(books: list[_ComparedSetting], line: Ints, source_line: Ints, ali
 def settings_of(text: bytes) -> SettingLines:
     """Return what a text sets, and where; linear in its length."""
     found: SettingLines = {}
-    tool, kept, tools = "0", "100", set[str]()
+    tool, kept = "0", "100"
     for line, command in commands_of(text):
         if selects := _SELECTS.match(command):
             tool = selects[1].decode().lstrip("0") or "0"
-            tools.add(tool)
-        if (named := _FAN.match(command)) is not None:
+            sets = [("tool", tool)]
+        elif of := _OBJECT.match(command):
+            sets = [("object", "none" if of[1] else command.decode("latin-1"))]
+        elif (named := _FAN.match(command)) is not None:
             sets = [_fan(named[1], named[2])]
         elif (named := _SET.match(command)) is None:
             continue
@@ -185,7 +197,21 @@ def settings_of(text: bytes) -> SettingLines:
             sets = [("M220 S", kept), *sets] if re.search(rb"R", named[2], re.I) else sets
         for name, value in sets:
             found.setdefault(name, []).append((line, value))
+    for line, name, value in _labels(text):
+        found.setdefault(name, []).append((line, value))
     return found
+
+
+def _labels(text: bytes) -> Iterator[tuple[int, str, str]]:
+    """Yield line, kind and text of the comments that say which object is printed; linear."""
+    lower, at, line = text.lower(), 0, 1
+    while (found := lower.find(_LABELS, at)) >= 0:
+        begin, end = lower.rfind(b"\n", at, found) + 1 or at, lower.find(b"\n", found)
+        line += lower.count(b"\n", at, begin)
+        at = end if end >= 0 else len(lower)
+        if label := _LABEL.match(lower, begin, at):
+            value = "none" if label[1] == b"stop " else text[begin:at].strip().decode("latin-1")
+            yield line, "numbered label" if label[2] else "label", value
 
 
 def _fan(code: bytes, rest: bytes) -> tuple[str, str]:

@@ -26,23 +26,21 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import (
     GcodeDocument,
     Motions,
-    ending_faults,
     read_gcode,
     read_motions,
     read_written,
-    same_extrusions,
 )
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
-from decmcts.formats.mesh import is_mesh
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.arrays import Ints
 from sim.content.inventory import alike_of
-from sim.content.seams import Moved, seams_of_file, source_with
+from sim.content.seams import Moved, seams_of_file
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.changes import Taken, as_taken
 from sim.files.commands import check_book, check_commands
+from sim.files.endings import ending_faults
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
@@ -160,14 +158,12 @@ def _read_back(
     plate: int | None,
 ) -> ReadBack:
     """Read a file that was made from a document; raises InputError where that fails."""
-    ours, ours_document, motions, ending = read_written(path, document, plate)
+    ours, _, motions, ending = read_written(path, document, plate)
     moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
     taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
     texts = taken is None  # else how hot tools are told to be is compared by their values alone
     endings = ending_faults(document, ending, hot_ends=texts)
-    job, document = source_with(job, document, moved)
-    differences = same_extrusions(job, document, ours, ours_document, hot_ends=texts)
-    faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
+    faults = listed(FaultKind.STATE, endings)
     return ReadBack(load_text(path, plate), motions, moved, faults, taken)
 
 
@@ -190,13 +186,11 @@ def _check_source_text(
     written: ReadBack, moves: Motions, document: GcodeDocument, matched: Matched,
     taken: Taken | None,
 ) -> list[Fault]:  # fmt: skip
-    """Check commands, settings and temperatures against the source's text, if there is one."""
+    """Check commands, settings and temperatures against the source's text."""
     try:
         source = source_text(document)
     except InputError as error:
         return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
-    if source is None:
-        return []
     ours, theirs = settings_of(written.text), settings_of(source)
     travels = TravelSettings.of(theirs, travels_of(moves))
     known = matched.source_line >= 0
@@ -216,17 +210,9 @@ def travels_of(motions: Motions) -> Ints:
     return np.asarray(motions.line, np.int64)[moves]
 
 
-def source_text(document: GcodeDocument) -> bytes | None:
-    """Return the text of a source; None of a mesh sliced here, which has none.
-
-    Raises
-    ------
-    InputError
-        When it cannot be read once more.
-    """
-    if document.text is not None:
-        return document.text
-    return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
+def source_text(document: GcodeDocument) -> bytes:
+    """Return the text of a source; raises InputError when it cannot be read once more."""
+    return document.text or load_text(document.path, document.plate)
 
 
 def _check_stands(dwells: Sequence[Dwell], motions: Motions, matched: Matched) -> list[Fault]:
@@ -317,9 +303,7 @@ def read_without_tower(
     document: GcodeDocument, plate: int | None = None
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return a source read anew without its wipe tower; linear in its text."""
-    text = source_text(document)
-    assert text is not None
-    return read_gcode(document.path, plate, text=_left_out(text))
+    return read_gcode(document.path, plate, text=_left_out(source_text(document)))
 
 
 def _left_out(text: bytes) -> bytes:

@@ -116,12 +116,12 @@ def judge_together(
     complete = all(walk.complete for walk in walks)
     if complete:
         faults += _check_filament(walked, plan, job, document)
-    if (source := source_text(document)) is not None:
-        faults += check_heads_book([file.lines.text for file in files], source)
-        faults += _check_travels(walked, source, document)
-        if document.own_starts and complete:
-            laid = [(each.file, each.walk.laid) for each in walked]
-            faults += check_hot_ends(laid, source, job, document)
+    source = source_text(document)
+    faults += check_heads_book([file.lines.text for file in files], source)
+    faults += _check_travels(walked, source, document)
+    if document.own_starts and complete:
+        laid = [(each.file, each.walk.laid) for each in walked]
+        faults += check_hot_ends(laid, source, job, document)
     known = Knowledge([file.syncs for file in files])
     faults += check_words(words, release) + check_sync(files, known, release)
     intervals = Intervals(files, interval_s if release == "point" else 0.0)

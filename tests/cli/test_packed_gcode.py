@@ -34,7 +34,7 @@ def test_plan_writes_the_plate_and_its_checksum_and_leaves_all_else(tmp_path, ca
     """What the printer takes; it names its own printer, so no machine is asked for."""
     source, made = source_of(tmp_path, {1: POOR}), tmp_path / "out.gcode.3mf"
     assert run(["plan", str(source), "-o", str(made), *QUICK, "--no-certificate"]) == 0
-    assert " on p1s: " in capsys.readouterr().out
+    assert " on Bambu Lab P1S by its clearances: " in capsys.readouterr().out
     before, after = members(source.read_bytes()), members(made.read_bytes())
     name = "Metadata/plate_1.gcode"
     assert b"reordered by decmcts" in after[name]

@@ -1,6 +1,8 @@
-"""Box tests of the clearance kernels never refuse what the exact test accepts."""
+"""Whole contours block the head as their segments do, one by one."""
 
 from __future__ import annotations
+
+from itertools import pairwise, permutations, product
 
 import numpy as np
 import pytest
@@ -8,9 +10,9 @@ import pytest
 from decmcts.feasibility.clearance_kernels import (
     CHUNK,
     Centrelines,
+    contact_depth,
     fill_boxes,
     segment_blocks,
-    segment_reaches,
 )
 from decmcts.feasibility.packed_head import pack_heads
 from decmcts.formats.machines.machine_file import load_machine
@@ -30,23 +32,21 @@ def beads_of(rng: np.random.Generator, lengths: list[int]) -> Centrelines:
 
 
 @pytest.mark.parametrize("machine", ["paper", "mk4s"])
-def test_a_segment_that_cannot_reach_a_chunk_blocks_nothing_in_it(machine: str) -> None:
-    """An edge missed here would let the head crash into the print."""
+def test_the_depth_of_contours_is_the_greatest_of_their_segments(machine: str) -> None:
+    """An edge missed by a test of boxes would let the head crash into the print."""
     head = pack_heads(load_machine(machine).heads)
-    rng, quad, refused, blocking = np.random.default_rng(3), np.empty((4, 2)), 0, 0
-    beads = beads_of(rng, [2, CHUNK + 1, CHUNK + 2, 2 * CHUNK + 2])
-    for q in range(beads.offsets[1] - 1 + 10):
-        if q + 1 in beads.offsets:
-            continue
-        for a in range(len(beads.radius)):
-            for p in range(beads.offsets[a], beads.offsets[a + 1] - 1):
-                chunk = beads.chunk_offsets[a] + (p - beads.offsets[a]) // CHUNK
-                for k in range(len(head.heights)):
-                    blocks = segment_blocks(beads.points, q, p, head, k, 0.75, quad)
-                    reaches = segment_reaches(
-                        beads.points, q, beads.chunk_boxes, chunk, head, k, 0.75
-                    )
-                    assert reaches or not blocks
-                    refused, blocking = refused + (not reaches), blocking + blocks
-    assert refused > 100
+    rng, quad, blocking = np.random.default_rng(3), np.empty((4, 2)), 0
+    beads = beads_of(rng, [2, 3, CHUNK + 1, CHUNK + 2, 2 * CHUNK + 2])
+    z = beads.points[:, 2]
+    segments = [range(first, last - 1) for first, last in pairwise(beads.offsets.tolist())]
+    for a, b in permutations(range(len(segments)), 2):
+        depths = [0.0]
+        for q, p, k in product(segments[a], segments[b], range(len(head.heights))):
+            if segment_blocks(beads.points, q, p, head, k, 0.75, quad):
+                depths.append(z[q : q + 2].max() - z[p : p + 2].min())
+        depth, polygon = contact_depth(beads, a, b, head, np.inf, quad)
+        assert depth == max(depths)
+        assert (polygon >= 0) == (depth > 0.0)
+        assert (contact_depth(beads, a, b, head, 0.0, quad)[0] > 0.0) == (depth > 0.0)
+        blocking += len(depths) - 1
     assert blocking > 100

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decmcts.feasibility.build import build_graph, closure_of
-from decmcts.feasibility.clustering import _ancestor_counts, _islands, cluster_contours
+from decmcts.feasibility.build import build_graph
+from decmcts.feasibility.clustering import _islands, cluster_contours
 from decmcts.feasibility.clustering_kernels import connectedness, mark_neighbours, merge_adjacent
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 
@@ -163,18 +163,6 @@ def test_islands_in_a_circle_are_left_alone() -> None:
     pairs = np.array([[0, 2], [1, 3], [0, 3], [1, 2]], np.int32)
     kinds = np.array([EdgeKind.PROCESS] * 2 + [EdgeKind.STATE] * 2, np.uint8)
     assert _islands(DependencyGraph.from_pairs(4, pairs, kinds)).tolist() == [0, 1, 2, 3]
-
-
-@pytest.mark.slow
-def test_ancestor_counts_across_column_blocks() -> None:
-    """Counts over several blocks of columns add up to the sizes of the closure rows."""
-    rng = np.random.default_rng(1)
-    n = 9000
-    after = np.arange(1, n)
-    pairs = np.stack([after - 1 - rng.integers(0, np.minimum(after, 50)), after], axis=1)
-    graph = DependencyGraph.from_pairs(n, pairs.astype(np.int32))
-    bits = np.unpackbits(closure_of(graph).view(np.uint8), axis=1)
-    np.testing.assert_array_equal(_ancestor_counts(graph), bits.sum(axis=1))
 
 
 def test_small_inputs_and_bad_threshold() -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -97,18 +98,13 @@ def test_the_code_of_the_planner_has_a_digest_of_its_own() -> None:
     assert code_digest() == code_digest.__wrapped__()
 
 
-def test_the_code_in_all_folders_of_the_planner_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_code_in_all_folders_of_the_planner_counts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """Plans are resolved in folders within folders."""
-    names = [name for name, _ in digest._sources(files("decmcts").joinpath("team"), "team")]
-    assert {"team/__init__.py", "team/engine/resolve.py", "team/engine/plans.py"} <= set(names)
+    shutil.copytree(digest._HOME / "team", tmp_path / "team")
+    monkeypatch.setattr(digest, "_HOME", tmp_path)
     before = code_digest.__wrapped__()
-    usual = digest._sources
-    monkeypatch.setattr(
-        digest,
-        "_sources",
-        lambda folder, name: (
-            (inner, text + ("#" if inner == "team/engine/plans.py" else ""))
-            for inner, text in usual(folder, name)
-        ),
-    )
+    with (tmp_path / "team/engine/plans.py").open("a") as file:
+        file.write("#")
     assert code_digest.__wrapped__() != before

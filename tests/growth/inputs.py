@@ -149,9 +149,7 @@ FILES: dict[tuple[str, str], Make] = {
     ("printers", "own.json:A"): many(
         '{"printers": [', '{"printer_notes_regex": ".*B{k}", "slices": []}, ',
         '{"printer_notes_regex": ".*C", "slices": []}]}'),
-    ("sections", "own.ini:x"): many("", "[printer:{k}]\na = b\n"),
     ("settings", "own.ini"): many("", "k{k} = v\n"),
-    ("parents", "own.ini:a"): many("[printer:b]\nx = 1\n[printer:a]\ninherits = ", "b; ", "b\n"),
     ("slices", "own.toml"): lambda n: PRESET.encode() + many("", SLICE)(n),
     ("keys", "own.toml"): many("", "k{k} = 1\n"),
     ("tables", "own.toml"): many("", "[t{k}]\na = 1\n"),

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
 
@@ -239,14 +240,12 @@ def _pairs(fields: Fields, n: int) -> NDArray[np.int32]:
         row = int(np.flatnonzero(wrong.any(axis=1))[0])
         fields.fail(f"Phi[{row}]", f"expected two tasks in 1..{n}")
     pairs = given.astype(np.int32) - 1
-    left = np.ones(n, np.bool_)
-    open_pairs = pairs
-    while left.any():
-        waiting = np.zeros(n, np.bool_)
-        waiting[open_pairs[:, 1]] = True
-        if not (free := left & ~waiting).any():
-            at = np.flatnonzero(left & waiting)[0] + 1
-            fail(fields.at("Phi"), f"a cycle of precedence before task {at}", fields.path)
-        left &= ~free
-        open_pairs = open_pairs[left[open_pairs[:, 0]]]
+    before = TopologicalSorter[int]()
+    for first, second in pairs.tolist():
+        before.add(second, first)
+    try:
+        before.prepare()
+    except CycleError as error:
+        task = min(error.args[1]) + 1
+        fail(fields.at("Phi"), f"a cycle of precedence before task {task}", fields.path)
     return pairs

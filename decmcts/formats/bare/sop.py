@@ -155,37 +155,23 @@ def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.fl
     TSPLIB's own SOP files repeat the dimension on a line of its own before the
     matrix. Rows may be broken over lines, down to a number a line.
     """
-    values: list[NDArray[np.float64]] = []
-    begin, count = first, 0
+    rows: list[NDArray[np.float64]] = []
     for number, line in enumerate(lines[first - 1 :], start=first):
         words = line.split()
-        if not words:
-            continue
-        if words[0] == "EOF":
+        if words[:1] == ["EOF"]:
             break
-        values.append(_numbers(words, source, number))
-        begin = number if count == 0 else begin
-        count += len(words)
-        if count > n * n + 1:
-            raise InputError(
-                f"more than {n} × {n} costs", path=source, line=number, advice="mend the dimension"
-            )
-    alone = len(values) > 1 and len(values[0]) == 1
-    if alone and values[0][0] == n:
-        del values[0]
-        count -= 1
-    elif alone and count > n * n:
-        raise InputError(
-            f"the matrix begins with {values[0][0]:g}, DIMENSION is {n}", path=source, line=begin
-        )
-    if count != n * n:
+        if words:
+            rows.append(_numbers(words, source, number))
+    if len(rows) > 1 and rows[0].tolist() == [n]:
+        del rows[0]
+    if (count := sum(map(len, rows))) != n * n:
         raise InputError(
             f"{count} costs instead of {n} × {n}",
             path=source,
             line=len(lines),
             advice="the file is cut off or its dimension is wrong",
         )
-    return np.concatenate(values).reshape(n, n)
+    return np.concatenate(rows).reshape(n, n)
 
 
 def _numbers(words: list[str], source: Path, line: int) -> NDArray[np.float64]:

@@ -5,7 +5,6 @@ state that the writer puts back.
 """
 
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, Motions, StateTable
-from decmcts.formats.gcode.reading.compare import ending_faults, same_extrusions
 from decmcts.formats.gcode.reading.reader import (
     read_gcode,
     read_motions,
@@ -16,7 +15,7 @@ from decmcts.formats.gcode.writing.head_refusals import refuse_for_heads, unprim
 from decmcts.formats.gcode.writing.writer import write_gcode
 
 __all__ = [
-    "Block", "Cursor", "GcodeDocument", "Motions", "StateTable", "ending_faults",
+    "Block", "Cursor", "GcodeDocument", "Motions", "StateTable",
     "read_gcode", "read_motions", "read_written", "refuse_for_heads",
-    "same_extrusions", "unprimed_note", "write_gcode", "write_head_gcode",
+    "unprimed_note", "write_gcode", "write_head_gcode",
 ]  # fmt: skip

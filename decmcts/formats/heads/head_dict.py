@@ -258,15 +258,14 @@ def check_polygon(polygon: NDArray[np.float64], where: str, path: Path | str | N
     if len(repeated):
         k, n = int(repeated[0]), len(polygon)
         fail(where, f"point {(k + 1) % n + 1} repeats point {k + 1}", path, "name each corner once")
-    if not shapely.LinearRing(polygon).is_simple:
+    ring = shapely.LinearRing(polygon)
+    if not ring.is_simple:
         fail(where, "it crosses or touches itself", path)
-    turns = _turns(polygon)
-    if _area(polygon) == 0.0:
-        fail(where, "it has no area", path)
-    if (turns <= 0.0).all():
+    if not ring.is_ccw:
         fail(where, "it runs clockwise (inside out)", path, "list its corners counter-clockwise")
+    turns = _turns(polygon)
     if (turns < 0.0).any():
-        corner = int(np.flatnonzero(turns * np.sign(_area(polygon)) < 0.0)[0])
+        corner = int(np.argmax(turns < 0.0))
         x, y = polygon[corner]
         advice = "split it into convex polygons"
         fail(where, f"it is concave at corner {corner + 1} ({x:g}, {y:g})", path, advice)
@@ -274,13 +273,8 @@ def check_polygon(polygon: NDArray[np.float64], where: str, path: Path | str | N
 
 def covers_nozzle(polygon: NDArray[np.float64]) -> bool:
     """Tell whether the origin lies in a convex counter-clockwise polygon, edges included."""
-    return bool((_crossed(polygon) >= 0.0).all())
-
-
-def inner_radius(polygon: NDArray[np.float64]) -> float:
-    """Return the distance of the origin to the nearest side, below 0 outside."""
-    sides = np.roll(polygon, -1, axis=0) - polygon
-    return float((_crossed(polygon) / np.linalg.norm(sides, axis=1)).min())
+    ahead = np.roll(polygon, -1, axis=0)
+    return bool((polygon[:, 0] * ahead[:, 1] >= polygon[:, 1] * ahead[:, 0]).all())
 
 
 def _turns(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -288,16 +282,6 @@ def _turns(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
     into = polygon - np.roll(polygon, 1, axis=0)
     out = np.roll(polygon, -1, axis=0) - polygon
     return np.asarray(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0])
-
-
-def _area(polygon: NDArray[np.float64]) -> float:
-    return float(_crossed(polygon).sum() / 2.0)
-
-
-def _crossed(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (k,) cross products of each corner and the next."""
-    ahead = np.roll(polygon, -1, axis=0)
-    return np.asarray(polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0])
 
 
 def head_name(table: Fields) -> str:

@@ -30,7 +30,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from decmcts.arguments import checked
 from decmcts.errors import InputError
@@ -99,7 +98,6 @@ def _head(pair: Machine, k: int, heads: int, length: float) -> Head:
 
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
-_INI = re.compile(r"^(?P<file>.+\.ini)(:(?P<name>[^/\\]+))?$", re.IGNORECASE)
 _RAILS = {f"rail-{heads}": heads for heads in SIZES}  # presets that have no file
 
 
@@ -117,7 +115,7 @@ def load_machine(name_or_path: str) -> Machine:
     ----------
     name_or_path : str
         A preset (`preset_names`), ``FILE.toml``, a slicer's profile (``FILE.json``,
-        ``FILE.ini``, ``BUNDLE.ini:PRINTER``), or ``geometries.json:NAME`` where NAME is
+        ``FILE.ini``), or ``geometries.json:NAME`` where NAME is
         a printer model of PrusaSlicer's file, in any case.
 
     Raises
@@ -144,8 +142,8 @@ def load_machine(name_or_path: str) -> Machine:
         return _from_toml(read_bytes(Path(name)), Path(name))
     if name.lower().endswith(".json"):
         return _from_json(Path(name))
-    if ini := _INI.match(name):
-        return machine_from_ini(Path(ini["file"]), ini["name"])
+    if name.lower().endswith(".ini"):
+        return machine_from_ini(Path(name))
     raise InputError(f"unknown machine {name!r}", advice=_known(name))
 
 
@@ -153,11 +151,6 @@ def preset_for_printer(model: str) -> str | None:
     """Return the preset for a slicer's `printer_model`, e.g. MK4S or MINIIS, or None."""
     known = together("printers").items()
     return next((name for pattern, name in known if re.match(pattern, model.upper())), None)
-
-
-def preset_by_clearances(model: str) -> str | None:
-    """Return the preset made of the clearances in this printer's profile, or None."""
-    return together("profiles").get(model.strip().lower())
 
 
 def _presets() -> Traversable:
@@ -278,23 +271,13 @@ def _slices(printer: Fields) -> list[dict[str, Any]]:
 
 
 def _ring(text: str, where: str, path: Path | str | None) -> list[list[float]]:
-    """Return a counter-clockwise convex ring; the file's rings run either way."""
+    """Return a ring counter-clockwise; the file's rings run either way."""
     try:
         points = np.array([[float(v) for v in pair.split(",")] for pair in text.split(";")])
     except ValueError:
         points = np.empty((0, 0))
     if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= UNKNOWN_BED_MM).all():
         fail(where, f"expected 'x,y;x,y;...', found {text!r}", path)
-    return [list(map(float, row)) for row in _counter_clockwise(points, where, path)]
-
-
-def _counter_clockwise(
-    points: NDArray[np.float64], where: str, path: Path | str | None
-) -> NDArray[np.float64]:
-    hull = shapely.MultiPoint(points).convex_hull
-    if len(points) < 3 or hull.geom_type != "Polygon":
-        fail(where, f"{len(points)} points with no area between them", path)
-    ring = shapely.LinearRing(points)
-    if not ring.is_simple or shapely.Polygon(ring).area < hull.area * (1.0 - 1e-9):
-        fail(where, "it is not convex", path, "split it into convex polygons")
-    return points if ring.is_ccw else points[::-1]
+    if len(points) >= 3 and not shapely.LinearRing(points).is_ccw:
+        points = points[::-1]
+    return points.tolist()

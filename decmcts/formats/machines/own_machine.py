@@ -1,9 +1,7 @@
 """The machine of a print that names none: its printer's preset, or a head of its clearances.
 
-The printer's name and the clearances are what a slicer wrote into the G-code.
-Presets with Prusa's own shapes of a head stand for their printer whatever the
-clearances; those made of a profile's clearances give way to a file that asks for
-more room, which its user may have had to.
+The printer's name and the clearances are what a slicer wrote into the G-code. Presets with
+Prusa's own shapes of a head stand for their printer whatever the clearances.
 
 Slicers write settings as comments, ``; name = value``, at the beginning or the end of a file.
 """
@@ -14,8 +12,6 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
-
 from decmcts.errors import InputError
 from decmcts.formats.heads.clearances import (
     SETTINGS,
@@ -24,16 +20,10 @@ from decmcts.formats.heads.clearances import (
     clearance_machine,
     read_clearances,
 )
-from decmcts.formats.heads.head_dict import inner_radius
-from decmcts.formats.machines.machine_file import (
-    load_machine,
-    preset_by_clearances,
-    preset_for_printer,
-)
+from decmcts.formats.machines.machine_file import load_machine, preset_for_printer
 from decmcts.print.machine import Machine
 
 PAGE = "docs/measure-your-head.md"
-HAIR_MM = 1e-6  # rounding of a polygon around a disc
 
 
 def machine_of_text(
@@ -61,11 +51,6 @@ def machine_of_text(
     if shape is not None:
         return load_machine(shape), f"machine {shape}, the preset of printer {printer}"
     found = read_clearances(settings, path)
-    preset = preset_by_clearances(printer)
-    if preset is not None:
-        machine = load_machine(preset)
-        if found is None or holds(machine, found):
-            return machine, f"machine {preset}, the preset of printer {printer}"
     if found is None:
         raise InputError(
             "the file names no printer we know and states no clearances of its head",
@@ -84,23 +69,6 @@ def clearance_note(found: Clearances) -> str:
         else ""
     )
     return f"machine by the file's clearances: {found}{doubt} ({PAGE} shows how to gain more)"
-
-
-def holds(machine: Machine, found: Clearances) -> bool:
-    """Tell whether a machine made of clearances takes all the room that others state.
-
-    Where they state no nozzle height, where the machine's disc begins is its own business.
-    """
-    across = float(np.subtract(machine.bed_max, machine.bed_min).max())
-    parts = [
-        (part.height_mm, inner_radius(polygon))
-        for part in machine.heads[0].slices
-        for polygon in part.polygons
-    ]
-    begin = np.inf if found.nozzle is None else found.nozzle
-    disc = max(radius for height, radius in parts if radius < across and height <= begin)
-    rod = min((height for height, radius in parts if radius >= across), default=np.inf)
-    return bool(disc >= found.radius - HAIR_MM and rod <= found.rod)
 
 
 def comment_settings(

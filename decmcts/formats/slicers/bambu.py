@@ -36,10 +36,4 @@ DIALECT = Dialect(
     radius=("extruder_clearance_radius", "extruder_clearance_max_radius"),
     rod=("extruder_clearance_height_to_rod", "extruder_clearance_height_to_lid"),
     bed=("printable_area",),
-    profiles={
-        "creality ender-3": "ender3", "creality ender-3 pro": "ender3",
-        "creality ender-3 v2": "ender3", "voron 2.4 300": "voron24-300",
-        "voron 2.4 350": "voron24-350", "bambu lab x1 carbon": "x1c", "bambu lab p1s": "p1s",
-        "bambu lab a1": "a1",
-    },
-)  # fmt: skip
+)

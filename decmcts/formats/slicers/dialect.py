@@ -47,5 +47,3 @@ class Dialect:
     bed: tuple[str, ...] = ()  # and of the bed's corners
     printers: Mapping[str, str] = field(default_factory=dict)  # pattern of `printer_model` ->
     # preset with the maker's own shapes; the longer ones first
-    profiles: Mapping[str, str] = field(default_factory=dict)  # `printer_model` in lower case ->
-    # preset made of the clearances in its profile

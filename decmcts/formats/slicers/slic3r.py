@@ -43,10 +43,4 @@ DIALECT = Dialect(
         "COREONEL": "coreonel", "COREONE": "coreone", "MK4S": "mk4s", "MK4": "mk4",
         r"MK3S?(MMU\w*)?$": "mk3s", "MINI": "mini", "XL": "xl", "HT90": "ht90",
     },
-    profiles={
-        "ender3": "ender3", "ender3bltouch": "ender3", "ender3pro": "ender3", "ender3v2": "ender3",
-        "voron_v2_300": "voron24-300", "voron_v2_300_afterburner": "voron24-300",
-        "voron_v2_300_aferburner": "voron24-300",  # as PrusaSlicer 2.4 spells it
-        "voron_v2_350": "voron24-350", "voron_v2_350_afterburner": "voron24-350",
-    },
 )  # fmt: skip

@@ -12,7 +12,6 @@ import pytest
 from decmcts.formats.gcode import (
     GcodeDocument,
     read_gcode,
-    same_extrusions,
     write_gcode,
 )
 from decmcts.print.job import PrintJob
@@ -20,6 +19,7 @@ from decmcts.print.toolpath import Toolpath
 from sim.content.seams import seams_of_plan, source_with
 from tests.direct_actions import direct_actions
 from tests.makers.corpus import CORPUS
+from tests.makers.same_extrusions import same_extrusions
 from tests.print.test_loops import random_entries
 
 START = "G28\nG21\nG90\nM82\nG92 E0\n"

@@ -14,7 +14,6 @@ from decmcts.errors import InputError
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.machines.machine_file import (
     load_machine,
-    preset_by_clearances,
     preset_for_printer,
     preset_names,
 )
@@ -362,19 +361,6 @@ def test_missing_file_is_named(tmp_path):
 def test_printer_models_find_their_preset(model, preset):
     """The machine is guessed from the file; a wrong guess would be worse than none."""
     assert preset_for_printer(model) == preset
-
-
-@pytest.mark.parametrize(
-    ("model", "preset"),
-    [("ENDER3V2", "ender3"), ("Creality Ender-3 V2", "ender3"), ("ENDER3S1", None),
-     ("Voron_v2_300_afterburner", "voron24-300"), ("Voron 2.4 350", "voron24-350"),
-     ("Voron_v2_250", None), ("Bambu Lab X1 Carbon", "x1c"), ("Bambu Lab P1S", "p1s"),
-     ("Bambu Lab A1", "a1"), ("Bambu Lab A1 mini", None), ("", None)],
-)  # fmt: skip
-def test_only_the_very_printer_has_a_preset_made_of_its_profile(model, preset):
-    """Its relatives have other heads or beds; their own files say which."""
-    assert preset_by_clearances(model) == preset
-    assert preset is None or preset in preset_names()
 
 
 THREE_LENGTHS = GOOD[: GOOD.index("[[heads.slices]]")] + "clearance = {clearance}\n"

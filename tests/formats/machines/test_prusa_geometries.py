@@ -62,10 +62,10 @@ def test_known_models_get_the_presets_bed(tmp_path):
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ({**NOZZLE, "polygons": ["0,0;9,0;1,1;0,9"]}, "polygon 1: it is not convex"),
+        ({**NOZZLE, "polygons": ["0,0;9,0;1,1;0,9"]}, "polygon 1: it is concave at corner 3"),
         ({**NOZZLE, "polygons": ["0,0;9,0;nan,9"]}, "expected 'x,y;x,y;...'"),
         ({**NOZZLE, "polygons": ["0,0;9;9,9"]}, "expected 'x,y;x,y;...'"),
-        ({**NOZZLE, "polygons": ["0,0;9,0;18,0"]}, "no area"),
+        ({**NOZZLE, "polygons": ["0,0;9,0;18,0"]}, "touches itself"),
         ({**NOZZLE, "type": "ball"}, "unknown kind 'ball'"),
         ({**NOZZLE, "height": "low"}, "expected a number"),
     ],

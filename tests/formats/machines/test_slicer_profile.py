@@ -1,4 +1,4 @@
-"""Profiles of slicers as machines: chains of inheritance, bundles, and what is missing."""
+"""Profiles of slicers as machines: chains of inheritance, configurations, and what is missing."""
 
 from __future__ import annotations
 
@@ -20,29 +20,6 @@ BASE = {
     "machine_max_speed_x": ["400", "200"],
 }
 MINE = {"type": "machine", "inherits": "base", "nozzle_height": "3", "printer_model": "Mine"}
-
-BUNDLE = """# exported
-[print:draft]
-layer_height = 0.3
-
-[printer:*common*]
-extruder_clearance_height = 25
-extruder_clearance_radius = 55
-machine_max_feedrate_x = 400
-bed_shape = 0x0,100x0,100x100,0x100
-
-[printer:*wide*]
-bed_shape = 0x0,300x0,300x200,0x200
-
-[printer:Small One (0.4 mm nozzle)]
-inherits = *common*
-printer_model = SMALL
-
-[printer:Wide]
-inherits = *common*; *wide*
-extruder_clearance_radius = 60
-start_gcode = M117 100% ; = [ready]
-"""
 
 
 def write(folder: Path, name: str, content: object) -> str:
@@ -107,20 +84,15 @@ def test_what_is_no_profile_is_one_line(tmp_path, content, word):
 
 def test_an_exported_configuration_is_a_machine(tmp_path):
     """PrusaSlicer's File > Export > Export Config: everything in one list."""
-    flat = "\n".join(BUNDLE.splitlines()[5:9]) + "\ninherits = Some System Preset\n"
+    flat = (
+        "# exported\nextruder_clearance_height = 25\nextruder_clearance_radius = 55\n"
+        "machine_max_feedrate_x = 400\nbed_shape = 0x0,100x0,100x100,0x100\n"
+        "inherits = Some System Preset\n"
+    )
     machine = load_machine(write(tmp_path, "config.ini", flat))
     assert [part.height_mm for part in machine.heads[0].slices] == [0.0, 25.0]
     assert machine.bed_max == (100.0, 100.0)
     assert machine.limits.max_feed[0] == 400.0
-
-
-def test_a_printer_of_a_bundle_has_what_it_inherits(tmp_path):
-    """Later parents win over earlier ones, and the printer over both."""
-    bundle = write(tmp_path, "bundle.ini", BUNDLE)
-    machine = load_machine(f"{bundle}:wide")
-    assert machine.bed_max == (300.0, 200.0)
-    assert "radius 60 mm" in machine.source
-    assert load_machine(f"{bundle}:Small One (0.4 mm nozzle)").name.startswith("SMALL")
 
 
 def test_a_byte_order_mark_is_no_part_of_the_first_setting(tmp_path):
@@ -133,21 +105,13 @@ def test_a_byte_order_mark_is_no_part_of_the_first_setting(tmp_path):
     assert [len(head.slices) for head in heads] == [2, 2]
 
 
-@pytest.mark.parametrize("name", ["", ":Large"])
-def test_which_printer_of_a_bundle_must_be_said(tmp_path, name):
-    """The names are offered; a guess would be another printer's head."""
-    bundle = write(tmp_path, "bundle.ini", BUNDLE)
-    with pytest.raises(InputError, match=r"one of: Small One \(0.4 mm nozzle\), Wide"):
-        load_machine(bundle + name)
-
-
 @pytest.mark.parametrize(
     ("text", "word"),
     [
         ("layer_height = 0.2\n", "no clearances"),
         ("extruder_clearance_radius = 40\n", "no extruder_clearance_height"),
         ("\nextruder_clearance_radius = 0\nextruder_clearance_height = 20\n", "p.ini:2: "),
-        ("[printer:a]\ninherits = b\n[printer:b]\ninherits = a\n", "which printer"),
+        ("# exported\n[printer:a]\ninherits = b\n", "p.ini:2: is a bundle"),
     ],
 )
 def test_an_ini_that_tells_no_head_is_one_line(tmp_path, text, word):
@@ -155,10 +119,3 @@ def test_an_ini_that_tells_no_head_is_one_line(tmp_path, text, word):
     with pytest.raises(InputError) as error:
         load_machine(write(tmp_path, "p.ini", text))
     assert word in str(error.value)
-
-
-def test_sections_in_a_circle_are_refused(tmp_path):
-    """As for files."""
-    text = "[printer:a]\ninherits = b\n[printer:b]\ninherits = a\n"
-    with pytest.raises(InputError, match="circle"):
-        load_machine(write(tmp_path, "p.ini", text) + ":a")

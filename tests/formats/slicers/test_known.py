@@ -21,7 +21,7 @@ def test_a_module_in_the_folder_is_a_dialect():
     assert slic3r.DIALECT in known.DIALECTS
 
 
-@pytest.mark.parametrize("field", ["signs", "values", "printers", "profiles"])
+@pytest.mark.parametrize("field", ["signs", "values", "printers"])
 def test_no_word_means_two_things(field):
     """All words are read together: the slicer that wrote a file is not asked for."""
     pairs = {pair for each in known.DIALECTS for pair in getattr(each, field).items()}
@@ -45,8 +45,7 @@ def test_no_value_begins_a_layer():
 
 def test_printers_have_their_presets():
     """A name that leads nowhere would end the run of who has that printer."""
-    presets = {*known.together("printers").values(), *known.together("profiles").values()}
-    assert presets <= set(preset_names())
+    assert set(known.together("printers").values()) <= set(preset_names())
 
 
 def test_what_begins_another_word_comes_behind_it(monkeypatch):

@@ -60,7 +60,13 @@ def test_the_same_segment_twice_in_the_source():
 
 @pytest.mark.parametrize(
     ("extrusion", "feed", "due"),
-    [(0.501, 30.0, {K.EXTRUSION}), (0.5, 31.0, {K.FEED}), (0.50005, 30.01, set())],
+    [
+        (0.501, 30.0, {K.EXTRUSION}),
+        (0.5, 31.0, {K.FEED}),
+        (0.50001, 30.0005, set()),
+        (0.50005, 30.0, {K.EXTRUSION}),
+        (0.5, 30.01, {K.FEED}),
+    ],
 )
 def test_filament_and_speed_are_compared(extrusion, feed, due):
     """Same line, other bead: that is another print."""

@@ -28,8 +28,40 @@ def faults_of(text: str, beads: list[int]) -> list[str]:
 
 def test_the_same_settings_in_other_words_are_no_fault() -> None:
     """Beads of one state come together; words of one command may stand in several."""
-    text = "M204 P900\nM204 T4000\nM107 (off)\nM900 K.2\nG1 X2 E1\nM106 S127.50\nG1 X1 E1\n"
-    assert not faults_of(text + "M106 S51\nG1 X3 E1\n", [7, 5, 9])
+    text = "M204 P900\nM204 T4000\nM106 S127.50\nG1 X1 E1\nM900 K.2\nM106 S51\nG1 X3 E1\n"
+    assert not faults_of(text + "M107 (off)\nG1 X2 E1\n", [4, 9, 7])
+
+
+def test_nothing_is_set_sooner_than_in_the_source() -> None:
+    """What the machine begins with cannot be set again."""
+    text = "M204 P900 T4000\nM900 K.2\nM106 S127.5\nG1 X1 E1\nM107\nG1 X2 E1\nM106 S51\nG1 X3 E1\n"
+    said = "line 4 is printed with M900 K .2, in the source with not set (line 3 there)"
+    assert said in faults_of(text, [4, 6, 8])
+
+
+@pytest.mark.parametrize(
+    ("begin", "end"),
+    [("M486 S3", "M486 S-1"), ("EXCLUDE_OBJECT_START NAME=a", "EXCLUDE_OBJECT_END NAME=a"),
+     ("M624 AQA=", "M625"), ("; printing object a.stl id:0", "; stop printing object a.stl id:0"),
+     (";(start printing object, unique label id: 3", "; stop printing object, unique label id: 3")],
+)  # fmt: skip
+def test_each_bead_belongs_to_the_object_it_is_of_in_the_source(begin: str, end: str) -> None:
+    """A bead of another object stays out when that one is cancelled."""
+    lines = ["G1 X1 E1", begin, "G1 X2 E1", end, "G1 X3 E1"]
+    source, at = "\n".join(lines).encode(), np.array([1, 3, 5])
+    assert not check_settings(source, source, at, at)
+    for k in (1, 3):
+        text = "\n".join([*lines[:k], "; gone", *lines[k + 1 :]]).encode()
+        assert len(check_settings(text, source, at, at)) == 1
+    assert not check_settings(source, source, at[[1, 0]], at[[1, 0]])
+
+
+def test_each_bead_is_laid_with_the_tool_of_the_source() -> None:
+    """The first of all is 0 where none is chosen."""
+    source, at = b"G1 X1 E1\nT1\nG1 X2 E1\nT0\nG1 X3 E1\n", np.array([1, 3, 5])
+    assert not check_settings(source.replace(b"T0", b"T 00"), source, at, at)
+    assert len(check_settings(source.replace(b"T1", b"T2"), source, at, at)) == 1
+    assert len(check_settings(source.replace(b"T1\n", b";\n"), source, at, at)) == 1
 
 
 @pytest.mark.parametrize(
@@ -59,6 +91,7 @@ def test_settings_of_tools_and_fans_are_their_own() -> None:
     assert said == [
         "M900 T1 K .1, in the source with .3 (line 4 there)",
         "fan 1 not set, in the source with 9 (line 4 there)",
+        "fan 2 9, in the source with not set (line 4 there)",
     ]
 
 

@@ -2,7 +2,7 @@
 
 A zip archive with `Metadata/plate_N.gcode` for each sliced plate and, beside it, the MD5 sum
 that the printer compares (`bbs_3mf.cpp` of Bambu Studio). One plate's G-code and its sum are
-replaced; thumbnails, settings and all other plates stay byte for byte.
+replaced; thumbnails, settings and all other plates keep their contents.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def plates_in(raw: bytes, path: Path | str | None = None) -> list[int]:
     InputError
         When the archive is damaged.
     """
-    found = map(_GCODE.fullmatch, Archive(raw, path).members)
+    found = map(_GCODE.fullmatch, Archive(raw, path).names)
     return sorted(int(match[1]) for match in found if match)
 
 
@@ -48,7 +48,7 @@ def unpack(raw: bytes, path: Path | str | None = None, plate: int | None = None)
     archive = Archive(raw, path)
     name = _name(plates_in(raw, path), plate, path)
     text = archive.read(name)
-    if f"{name}.md5" in archive.members:
+    if f"{name}.md5" in archive.names:
         stated = _SUM.search(archive.read(f"{name}.md5"))
         if stated is None or stated[0].lower() != _sum(text).lower():
             raise InputError(
@@ -73,7 +73,7 @@ def pack(
     archive = Archive(like, path)
     name = _name(plates_in(like, path), plate, path)
     contents = {name: text}
-    if f"{name}.md5" in archive.members:
+    if f"{name}.md5" in archive.names:
         old = archive.read(f"{name}.md5")
         upper = not re.search(rb"[a-f]", old)
         due = _sum(text)

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.formats.gcode import read_gcode, same_extrusions, write_gcode
+from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.dialects.dialect import layer_words, with_note
 from decmcts.print.toolpath import Toolpath
 from tests.direct_actions import direct_actions
+from tests.makers.same_extrusions import same_extrusions
 
 
 def towers(begin: str, arrive: str = "") -> str:

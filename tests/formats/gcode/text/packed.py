@@ -22,6 +22,8 @@ def squares_text(places: Iterable[tuple[float, float]], *, layers: int = 2) -> b
         "; model printing time: 12m 34s; total estimated time: 18m 40s",
         "; total layer number: 2", "; HEADER_BLOCK_END", "",
         "; CONFIG_BLOCK_START", "; printer_model = Bambu Lab P1S", "; nozzle_diameter = 0.4",
+        "; extruder_clearance_radius = 68", "; extruder_clearance_height_to_rod = 36",
+        "; nozzle_height = 4.2", "; printable_area = 0x0,256x0,256x256,0x256",
         "; filament_diameter = 1.75", "; CONFIG_BLOCK_END", "", "; EXECUTABLE_BLOCK_START",
         "M104 S220", "G90", "M83", "G28", "G1 Z5 F600",
     ]  # fmt: skip

@@ -78,7 +78,7 @@ def test_a_numbered_file_reads_as_the_plain_one(checksum, tmp_path):
     plain.write_bytes(POOR)
     with_numbers.write_bytes(numbered(POOR, checksum=checksum))
     assert load_text(with_numbers) == POOR
-    assert machine_for(None, with_numbers)[0].name == "p1s"
+    assert machine_for(None, with_numbers)[0].name == "Bambu Lab P1S by its clearances"
     job, document = read_gcode(with_numbers)
     assert set(job.contours.role.tolist()) == {Role.EXTERNAL_PERIMETER}
     assert job.contours.layer.tolist() == read_gcode(plain)[0].contours.layer.tolist()

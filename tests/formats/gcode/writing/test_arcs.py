@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode import read_gcode, read_motions, same_extrusions, write_gcode
+from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.writing.beads import BeadRows
 from decmcts.formats.gcode.writing.emitter import Emitter
@@ -22,6 +22,7 @@ from decmcts.print.toolpath import Toolpath
 from sim.content.arcs import check_arcs, turns_of, turns_of_print
 from sim.content.seams import seams_of_plan, source_with
 from tests.direct_actions import direct_actions
+from tests.makers.same_extrusions import same_extrusions
 
 START = "G28\nM83\n;LAYER_CHANGE\n;Z:0.2\n"
 CIRCLE = "G1 X20 Y10 Z.2 F6000\nG3 X20 Y10 I-10 J0 E2.1 F1200\n"

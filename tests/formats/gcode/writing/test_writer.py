@@ -12,7 +12,6 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import (
     read_gcode,
     read_motions,
-    same_extrusions,
     write_gcode,
 )
 from decmcts.formats.gcode.writing.beads import BeadRows
@@ -22,6 +21,7 @@ from decmcts.print.plan import ActionKind
 from decmcts.print.toolpath import Toolpath
 from tests.direct_actions import direct_actions
 from tests.formats.gcode.writing.endings import same_ending
+from tests.makers.same_extrusions import same_extrusions
 
 SQUARE = (
     "G1 X0 Y0 Z0.2 F6000\nG1 F1200\nG1 X10 Y0 E1\nG1 X10 Y10 E2\nG1 X0 Y10 E3\nG1 X0 Y0.1 E3.99\n"

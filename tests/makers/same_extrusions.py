@@ -1,7 +1,6 @@
 """Do two files extrude the same? Segment by segment, whatever the order.
 
-Used by tests and by anyone who wants to see for himself that a reordered file
-prints the same beads under the same machine state.
+What was written is read back by the reader, and not by the judge.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
-from decmcts.formats.gcode.reading.reader import Ending
 from decmcts.print.job import PrintJob
 
 HOT_ENDS = ("temperature hotend",)  # how slots begin that say how hot tools are told to be
@@ -19,7 +17,6 @@ XYZ_MM = 1e-3
 NEAR_MM = 1.5e-3  # what rounding puts a micrometre apart: ends of an arc that is parted
 E_MM = 1.05e-5
 FEED_MM_S = 1e-3
-OVER_MM = 1.0  # above the print the head may stand when its end G-code begins
 
 
 def same_extrusions(
@@ -37,8 +34,6 @@ def same_extrusions(
         return [f"{len(a)} segments against {len(b)}"]
     state_a, state_b = _common_states(doc_a, doc_b, () if hot_ends else HOT_ENDS)
     kept_a, kept_b = _kept(job_a, state_a, doc_a), _kept(job_b, state_b, doc_b)
-    if _same_at_once(a, b, kept_a, kept_b):
-        return []
     order_a, order_b = _order(a, kept_a), _order(b, kept_b)
     if not _together(a[order_a], b[order_b]).all():
         order_a, order_b = _paired(a, b, order_a, order_b)
@@ -66,93 +61,6 @@ def _differing(
         ("tool", a[:, 8] != b[:, 8]),
         ("machine state", kept_a != kept_b),
     )
-
-
-def _same_at_once(
-    a: NDArray[np.float64], b: NDArray[np.float64], kept_a: NDArray[np.int64],
-    kept_b: NDArray[np.int64],
-) -> bool:  # fmt: skip
-    """Tell whether all is the same, without sorting by more than one number a segment.
-
-    Where it is not, whoever asks has to sort it out; equals are paired as `_order` pairs them.
-    """
-    number_a, number_b = _numbers(a), _numbers(b)
-    order_a, order_b = _by_number(number_a, a, kept_a), _by_number(number_b, b, kept_b)
-    if (number_a[order_a] != number_b[order_b]).any():
-        return False
-    pairs = (a[order_a], b[order_b], kept_a[order_a], kept_b[order_b])
-    return not any(wrong.any() for _, wrong in _differing(*pairs))
-
-
-def _numbers(segments: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """Return a number for each place on the grid, (k,); hardly ever one for two places."""
-    number = np.zeros(len(segments), np.uint64)
-    for column in segments[:, :6].T:
-        cell = np.round(column / XYZ_MM).astype(np.int64).astype(np.uint64)
-        number = (number ^ cell) * np.uint64(0x9E3779B97F4A7C15)
-        number ^= number >> np.uint64(29)
-    return number
-
-
-def _by_number(
-    number: NDArray[np.uint64], segments: NDArray[np.float64], kept: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Sort by number; those with equal numbers as `_order` does."""
-    order = np.argsort(number)
-    equal = number[order[1:]] == number[order[:-1]]
-    several = np.flatnonzero(np.append(equal, False) | np.append(False, equal))
-    rows = order[several]
-    rows = rows[_order(segments[rows], kept[rows])]
-    order[several] = rows[np.argsort(number[rows], kind="stable")]
-    return order
-
-
-def ending_faults(document: GcodeDocument, ending: Ending, *, hot_ends: bool = True) -> list[str]:
-    """Return how a file made from `document` reaches its end G-code otherwise than the source.
-
-    End G-code relies on where the head is, what is retracted, and what is set; without `hot_ends`
-    these may be told anything.
-    """
-    cursor, table, end = ending.cursor, ending.states, document.end
-    faults = _place(ending, end.position)
-    if abs(cursor.owed - end.owed) > XYZ_MM or cursor.firmware_retracted != end.firmware_retracted:
-        faults.append(f"{cursor.owed:.3f} mm are retracted, in the source {end.owed:.3f}")
-    if cursor.relative_e != end.relative_e or cursor.tool != end.tool:
-        faults.append("the mode of E or the tool is another")
-    if not end.relative_e and abs(cursor.e - end.e) > XYZ_MM:
-        faults.append(f"E stands at {cursor.e:.5f}, in the source at {end.e:.5f}")
-    but = () if hot_ends else HOT_ENDS
-    ours, theirs = _commands(table, cursor.state, but), _commands(document.states, end.state, but)
-    faults += [f"in force is '{a}'" for _, a in sorted(ours - theirs)]
-    faults += [f"not in force is '{a}'" for _, a in sorted(theirs - ours)]
-    return [f"before the end G-code {fault}" for fault in faults]
-
-
-def _place(ending: Ending, place: tuple[float, float, float]) -> list[str]:
-    """Return what is wrong with where the head is when it should be at, or above, `place`.
-
-    On the print it may only stand where it has just laid the last bead.
-    """
-    at = ending.cursor.position
-    if max(abs(a - b) for a, b in zip(at[:2], place[:2], strict=True)) > 2 * XYZ_MM:
-        return [f"the head is at {at}, in the source at {place}"]
-    just_laid = max(abs(a - b) for a, b in zip(at, ending.laid, strict=True)) <= 2 * XYZ_MM
-    if just_laid and abs(at[2] - place[2]) <= 2 * XYZ_MM:
-        return []
-    if at[2] <= ending.top + XYZ_MM:
-        return [f"the head comes down on the print at {at}, {ending.top:g} mm high"]
-    highest = max(ending.top, place[2]) + OVER_MM
-    return [f"the head is at {at}, above {highest:g} mm"] if at[2] > highest else []
-
-
-def _commands(table: StateTable, state: int, but: tuple[str, ...]) -> set[tuple[str, str]]:
-    """Return slot and text of all that commands something in a state, `but` some slots."""
-    pairs = zip(table.slots, table.rows[state].tolist(), strict=True)
-    return {(slot, table.values[v]) for slot, v in pairs if v and _counts(slot, but)}
-
-
-def _counts(slot: str, but: tuple[str, ...]) -> bool:
-    return slot not in DESCRIBES and not (but and slot.startswith(but))
 
 
 def _rows(job: PrintJob) -> NDArray[np.int64]:
@@ -247,3 +155,7 @@ def _numbered(
         np.int64,
     )
     return numbers[index.ravel()]
+
+
+def _counts(slot: str, but: tuple[str, ...]) -> bool:
+    return slot not in DESCRIBES and not (but and slot.startswith(but))
