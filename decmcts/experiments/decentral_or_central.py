@@ -14,7 +14,7 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from agents.planners.team_planner import DecMctsPlanner
-from decmcts.experiments.baselines import annealing, one_tree
+from decmcts.experiments import one_tree
 from decmcts.experiments.in_memory import agreed, weather_of
 from decmcts.experiments.kinds import (
     Asked,
@@ -45,7 +45,6 @@ MADE = ("row-6-20-20", "row-3-60-10")
 PLANNERS: Mapping[str, PlanFunction] = {
     "dec-mcts": in_one_process,
     "one tree": one_tree.plan,
-    "annealing": annealing.plan,
 }
 NETWORKS = ((0.0, 0.0), (0.2, 0.5), (0.5, 1.0))  # loss, delay at most in s
 DECENTRAL, CENTRAL = "decentral", "central"
@@ -87,7 +86,7 @@ def _run(key: Key) -> Row:
     what = given(key, machine, Cut.INSIDE, middle=middle)
     compile_rounds()
     if key["setting"] == "equal time":
-        document, _ = planned(what, key, PLANNERS[key["planner"]])
+        document = planned(what, key, PLANNERS[key["planner"]])
         return figures(what, document)
     weather = weather_of(float(key["loss"]), float(key["delay_s"]))
     result = agreed(what, weather, _planners(what.team, key), key)

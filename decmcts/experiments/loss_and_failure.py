@@ -45,7 +45,6 @@ from decmcts.experiments.kinds import (
     stopping_of,
 )
 from decmcts.experiments.prints import print_file
-from decmcts.experiments.stopped import log_until
 from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
 from decmcts.experiments.two_heads import machine_for
 from decmcts.feasibility.graph import DependencyGraph
@@ -61,16 +60,16 @@ from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
+from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import state_of_events
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.incumbent import PROCESSOR
 from sim.controllers.carry_out import carry_out
 from sim.controllers.from_plan import programs_of_plan
-from sim.controllers.simulate import Simulation, simulate
+from sim.controllers.simulate import Simulation, events_of, simulate
 from sim.controllers.timing import no_error
 
 BED_MM = 400.0
@@ -139,7 +138,7 @@ def _planning(what: Given, key: Key) -> Row:
 
 def _printing(what: Given, machine: Machine, key: Key) -> Row:
     """Print until a head stops, and plan the rest anew."""
-    document, _ = planned(what, key)
+    document = planned(what, key)
     simulation = simulate(programs_of_plan(document), document.machine)
     at_s = float(key["moment"]) * simulation.makespan_s
     state = state_of_events(document, log_until(simulation, document, VICTIM, at_s))
@@ -164,6 +163,25 @@ def _printing(what: Given, machine: Machine, key: Key) -> Row:
            for name, person_s in PERSON_S.items()},
         "thought_s": round(thought_s, 2),
     }  # fmt: skip
+
+
+def log_until(simulation: Simulation, document: PlanDocument, head: int, time_s: float) -> EventLog:
+    """Return what has happened up to a time at which a head stops for good."""
+    log = events_of(simulation, document.problem)
+    before = [event for event in log.events if event.time_s < time_s]
+    program, run = simulation.programs[head], simulation.run.heads[head]
+    at = simulation.positions(np.array([time_s]))[head][0]
+    begun = [e.action for e in before if e.head == head and e.kind is EventKind.BEGAN]
+    ended = [e.action for e in before if e.head == head and e.kind is EventKind.ENDED]
+    action, point = (begun[-1], 0) if begun else (-1, 0)
+    if begun and action not in ended:
+        mine = program.action == action
+        point = int(np.count_nonzero(run.end[mine] - simulation.begin_s <= time_s))
+    x, y, z = at.tolist()
+    failed = PrintEvent(
+        EventKind.FAILED, head, time_s, action, point, (x, y, z), what="clogged"
+    )  # fmt: skip
+    return EventLog(log.problem, log.heads, (*before, failed))
 
 
 def _source(key: Key, machine: Machine, what: Given) -> Source:
@@ -209,7 +227,7 @@ def in_turn(key: Key) -> Launch:
         problem = build_team_problem(job, machine, graph, lags, start)
         live = tuple(range(len(machine.heads)))
         best = plan_in_turn(
-            problem, stopping=stopping_of(key), seed=int(key["seed"]), clock=PROCESSOR
+            problem, stopping=stopping_of(key), seed=int(key["seed"]), clock=time.process_time
         )
         found = resolve(problem, best.plans, live)
         agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())

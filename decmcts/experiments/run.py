@@ -29,7 +29,6 @@ from decmcts.errors import InputError, VerificationError
 from decmcts.experiments.decentral_or_central import DECENTRAL_OR_CENTRAL
 from decmcts.experiments.kinds import DPI, Asked, Experiment, Key, Line, Row, Rows
 from decmcts.experiments.loss_and_failure import LOSS_AND_FAILURE
-from decmcts.experiments.online import ONLINE
 from decmcts.experiments.paper import PAPER
 from decmcts.experiments.prints import own_prints
 from decmcts.experiments.team_size import TEAM_SIZE
@@ -249,7 +248,7 @@ def _setting(rows: Sequence[Line]) -> str:
     )
 
 
-_ALL = (TWO_HEADS, TEAM_SIZE, TIMING, LOSS_AND_FAILURE, DECENTRAL_OR_CENTRAL, ONLINE, PAPER)
+_ALL = (TWO_HEADS, TEAM_SIZE, TIMING, LOSS_AND_FAILURE, DECENTRAL_OR_CENTRAL, PAPER)
 EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in _ALL})
 
 

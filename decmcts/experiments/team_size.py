@@ -55,7 +55,7 @@ def _run(key: Key) -> Row:
         return {"contours": len(what.whole.job.contours), "makespan_s": one_s,
                 "one_head_s": one_s, "speedup": 1.0, "most": 1.0, "waits": 0.0,
                 "idle": 0.0}  # fmt: skip
-    document, _ = planned(what, key)
+    document = planned(what, key)
     return against_one_head(what, document, key)
 
 

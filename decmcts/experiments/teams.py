@@ -30,14 +30,13 @@ from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.incumbent import Budget, Found, JointIncumbent
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
 COLUMNS = ["times as fast", "at most", "waits %", "done early %"]
 STEPS = 20_000  # of one head's annealing for each round of a team
 
-PlanFunction = Callable[..., Found]  # (problem, budget, *, seed)
+PlanFunction = Callable[..., tuple[Toolpath, ...]]  # (problem, stopping, *, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,22 +73,18 @@ def given_by(problem: PrintProblem, cut: Cut = Cut.NONE) -> Given:
     return Given(problem, lags, build_team_problem(job, machine, graph, lags, start))
 
 
-def in_one_process(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
+def in_one_process(problem: TeamProblem, stopping: Stopping, *, seed: int) -> tuple[Toolpath, ...]:
     """Return what all heads' Dec-MCTS find in turn; its iterations are rounds."""
     heads = range(len(problem.machine.heads))
-    best = JointIncumbent(budget, len(heads))
-    proposal = plan_in_turn(problem, stopping=budget.stopping, seed=seed, clock=budget.clock)
-    found = resolve(problem, proposal.plans, heads)
-    best.offer_toolpaths(found.toolpaths, found.makespan_s)
-    return best.found
+    proposal = plan_in_turn(problem, stopping=stopping, seed=seed, clock=time.process_time)
+    return resolve(problem, proposal.plans, heads).toolpaths
 
 
-def planned(what: Given, key: Key, by: PlanFunction = in_one_process) -> tuple[PlanDocument, Found]:
+def planned(what: Given, key: Key, by: PlanFunction = in_one_process) -> PlanDocument:
     """Return the joint plan that a planner finds; raises VerificationError unless it is safe."""
     compile_rounds()
-    by(what.team, Budget(Stopping(iterations=1)), seed=0)  # compiles, or loads what is compiled
-    found = by(what.team, Budget(stopping_of(key)), seed=int(key["seed"]))
-    return exact(what, found.toolpaths), found
+    by(what.team, Stopping(iterations=1), seed=0)  # compiles, or loads what is compiled
+    return exact(what, by(what.team, stopping_of(key), seed=int(key["seed"])))
 
 
 def exact(what: Given, toolpaths: tuple[Toolpath, ...]) -> PlanDocument:

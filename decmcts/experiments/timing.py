@@ -72,7 +72,7 @@ def _plan(*of: str | float) -> PlanDocument:
     key = dict(zip(PLANNED, of, strict=True))
     machine, middle = machine_for(key, 2, 300.0)
     what = given(key, machine, Cut.INSIDE, middle=middle)
-    return planned(what, key)[0]
+    return planned(what, key)
 
 
 def _run(key: Key) -> Row:

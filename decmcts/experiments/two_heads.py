@@ -61,7 +61,7 @@ def machine_for(key: Key, heads: int, length_mm: float = BED_MM) -> tuple[Machin
 def _run(key: Key) -> Row:
     machine, middle = machine_for(key, 2)
     what = given(key, machine, Cut(key["cut"]), middle=middle)
-    document, _ = planned(what, key)
+    document = planned(what, key)
     return {
         **against_one_head(what, document, key), "pieces": len(what.problem.job.contours),
     }  # fmt: skip

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
 
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.exchange import exchange_jointly
 from decmcts.team.dec_mcts.planner import DecMcts
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.incumbent import Budget, Found, JointIncumbent
 
 
 class OneTree(DecMcts):
@@ -42,14 +44,12 @@ class OneTree(DecMcts):
         """Have no distribution."""
 
 
-def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
+def plan(problem: TeamProblem, stopping: Stopping, *, seed: int) -> tuple[Toolpath, ...]:
     """Return what one host finds that knows all and plans for all; iterations are rounds."""
     live = range(len(problem.machine.heads))
-    best, rounds = JointIncumbent(budget, len(live)), 0
+    began, rounds = time.process_time(), 0
     tree = OneTree(problem, 0, seed=seed)
-    while not rounds or not budget.stopping.ends(best.seconds, rounds):
-        tree.iterate(live, budget.stopping.spent(best.seconds, rounds))
+    while not rounds or not stopping.ends(time.process_time() - began, rounds):
+        tree.iterate(live, stopping.spent(time.process_time() - began, rounds))
         rounds += 1
-    found = resolve(problem, tree.best(live).plans, live)
-    best.offer_toolpaths(found.toolpaths, found.makespan_s)
-    return best.found
+    return resolve(problem, tree.best(live).plans, live).toolpaths
