@@ -125,8 +125,9 @@ def launch(
     if is_qcsp(source):
         from decmcts.cli.commands import bare  # its search loads for those who ask
 
-        bare.refuse_for_qcsp(context)
-        bare.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        bare.solve(
+            context, bare.QCSP, source, output, time_limit_s=time_limit, seed=seed, as_json=as_json
+        )
         return
     rules = opt.rules_of(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead,
