@@ -231,7 +231,7 @@ def in_turn(key: Key) -> Launch:
         )
         found = resolve(problem, best.plans, live)
         agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
-        return LaunchResult(agreement, found.toolpaths, problem.digest)
+        return LaunchResult(agreement, found.toolpaths)
 
     return agents
 

@@ -107,8 +107,9 @@ def plan(
     if is_sop(source):
         from decmcts.cli.commands import bare  # its search loads for those who ask
 
-        bare.refuse_for_sop(context)
-        bare.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        bare.solve(
+            context, bare.SOP, source, output, time_limit_s=time_limit, seed=seed, as_json=as_json
+        )
         return
     refuse_for_gcode(context, source)
     edits = not is_mesh(source)
@@ -285,7 +286,7 @@ def show(
         fewer,
         "" if kept else bound_line(result.bound, verbose=verbose, fewer_changes=bool(fewer)),
         cooling_line(planned.after),
-        None if kept else whole_file_line(planned, times),
+        None if kept else whole_file_line(times),
         layers_line(planned),
     )
     if kept:

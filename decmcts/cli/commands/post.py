@@ -222,7 +222,7 @@ def show_rewritten(
         lines = [
             f"{name}: rewritten for {planned.after.machine.name} and verified",
             *plain_lines(before, after, verbose=verbose),
-            whole_file_line(planned, times),
+            whole_file_line(times),
             layers_line(planned),
         ]
     lines += [searched_line(after) if verbose else None, *(f"wrote {view}" for view in views)]
