@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli.commands import post as lines
 from decmcts.cli.commands.post import completed, own_program, script_line, wherever_it_runs
 from decmcts.cli.run import run
 
@@ -71,9 +70,8 @@ def test_files_are_named_in_full(tmp_path: Path, monkeypatch) -> None:
     ]  # fmt: skip
 
 
-def test_the_line_is_all_there_is_on_standard_output(capsys, monkeypatch) -> None:
+def test_the_line_is_all_there_is_on_standard_output(capsys) -> None:
     """With the options given, as they were given; where to paste it is said beside."""
-    monkeypatch.setattr(lines, "own_program", lambda: ["unused"])
     assert run(["post", "--show-line", "--machine", "mk4s", "--report", "--seed", "2"]) == 0
     said = capsys.readouterr()
     words = shlex.split(said.out) if os.name != "nt" else said.out.split()

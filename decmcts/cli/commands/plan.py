@@ -37,6 +37,7 @@ from decmcts.planning.options import (
     PlannerName,
     ProcessOrder,
     Rules,
+    Seam,
     Search,
 )
 from decmcts.planning.plan import plan as find_order
@@ -70,7 +71,7 @@ def plan(
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = None,
+    seam: opt.SeamOption = Seam.NEAREST,
     process_order: opt.ProcessOption = ProcessOrder.KEEP,
     objective: opt.ObjectiveOption = Objective.TRAVEL,
     limits: opt.LimitsOption = Limits.SOURCE,
@@ -118,9 +119,9 @@ def plan(
     refuse_other_suffixes(plan_file, report, picture)
     refuse_two_on_stdout(output, as_json=as_json)
     refuse_stdout(sliced, "--sliced")
-    rules = opt.rules_of(
-        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead, avoid_walls,
-    )  # fmt: skip
+    rules = Rules(
+        process_order, quality, min_layer_time, max_layers_ahead, freedom, seam, avoid_walls
+    )
     opt.refuse_layer_alone(picture_layer, picture)
     only_shown = not (as_json or output or plan_file or report or picture or sliced)
     slicing = slicing_of(
