@@ -49,8 +49,15 @@ from decmcts.experiments.kinds import (
 )
 from decmcts.experiments.loss_and_failure import log_until
 from decmcts.experiments.prints import shown
-from decmcts.experiments.teams import Given, bound_s, exact, given, given_by, in_one_process
-from decmcts.experiments.two_heads import machine_for
+from decmcts.experiments.teams import (
+    Given,
+    bound_s,
+    exact,
+    given,
+    given_by,
+    in_one_process,
+    machine_for,
+)
 from decmcts.planning.options import Cut, Rules
 from decmcts.planning.replanning.replan import Rest, rest_of, rest_problem
 from decmcts.planning.replanning.rest import LeftBeads

@@ -32,8 +32,14 @@ from decmcts.experiments.kinds import (
     median,
     spread,
 )
-from decmcts.experiments.teams import PlanFunction, figures, given, in_one_process, planned
-from decmcts.experiments.two_heads import machine_for
+from decmcts.experiments.teams import (
+    PlanFunction,
+    figures,
+    given,
+    in_one_process,
+    machine_for,
+    planned,
+)
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.team.dec_mcts.warm_up import compile_rounds

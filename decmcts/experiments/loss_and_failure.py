@@ -42,8 +42,7 @@ from decmcts.experiments.kinds import (
     stopping_of,
 )
 from decmcts.experiments.prints import print_file
-from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
-from decmcts.experiments.two_heads import machine_for
+from decmcts.experiments.teams import Given, bound_s, given, machine_for, planned, printing_s
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.events import unheard

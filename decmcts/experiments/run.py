@@ -31,9 +31,8 @@ from decmcts.experiments.kinds import DPI, Asked, Experiment, Key, Line, Row, Ro
 from decmcts.experiments.loss_and_failure import LOSS_AND_FAILURE
 from decmcts.experiments.paper import PAPER
 from decmcts.experiments.prints import own_prints
-from decmcts.experiments.team_size import TEAM_SIZE
+from decmcts.experiments.speed_up import TEAM_SIZE, TWO_HEADS
 from decmcts.experiments.timing import TIMING
-from decmcts.experiments.two_heads import TWO_HEADS
 from decmcts.formats.files.atomic import write_whole
 from decmcts.planning.compiling.child import made
 from decmcts.planning.compiling.parts import is_compiled

@@ -40,8 +40,7 @@ from decmcts.experiments.kinds import (
     spread,
 )
 from decmcts.experiments.prints import shown
-from decmcts.experiments.teams import given, planned
-from decmcts.experiments.two_heads import machine_for
+from decmcts.experiments.teams import given, machine_for, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.plan import PlanDocument

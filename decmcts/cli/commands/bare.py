@@ -44,18 +44,18 @@ class BareKind(NamedTuple):
     read: Callable[[Path], Any]
     compile: Callable[..., None]  # (problem, stop)
     solve: Callable[..., Any]  # (problem, *, time_limit_s, seed, report, stop)
-    text: Callable[..., str]  # (problem, result) as a file; VerificationError for a wrong result
+    text: Callable[..., bytes]  # (problem, result) as a file; VerificationError for a wrong result
     size: Callable[[Any], dict[str, int]]
     cost: Callable[[Any], dict[str, float]]  # of a result
     search: Callable[[Any], dict[str, Any]]  # of a result: how it was found
 
 
-def _tour(instance: SopInstance, found: SopResult) -> str:
+def _tour(instance: SopInstance, found: SopResult) -> bytes:
     require_sound(instance, found)
     return tour_text(name=instance.name, order=found.order, cost=found.cost)
 
 
-def _schedule(problem: QcspProblem, found: QcspResult) -> str:
+def _schedule(problem: QcspProblem, found: QcspResult) -> bytes:
     if faults := faults_of(problem, found.schedule):
         raise VerificationError(f"{faults[0]}; nothing was written")
     return schedule_text(problem, found.schedule)
