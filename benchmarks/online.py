@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from team_baselines import policies
 
 from decmcts.errors import InputError, VerificationError
-from decmcts.experiments import one_tree
+from decmcts.experiments.decentral_or_central import by_one_tree
 from decmcts.experiments.kinds import (
     DPI,
     Key,
@@ -169,7 +169,7 @@ def _ways(
     return {
         RETIMED: lambda: retimed(team, old)[1].toolpaths,
         "greedy": lambda: policies(team, first, seed=seed).toolpaths,
-        "central": lambda: one_tree.plan(team, stopping, seed=seed),
+        "central": lambda: by_one_tree(team, stopping, seed=seed),
         "decentral": lambda: in_one_process(team, stopping, seed=seed),
         "resumed": lambda: in_one_process(resumed, stopping, seed=seed),
         "long": lambda: in_one_process(resumed, long, seed=seed),

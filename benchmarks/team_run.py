@@ -27,7 +27,7 @@ from team_baselines import annealing, policies
 from team_prints import swept_problem, team_problem
 
 from agents.launch import launch
-from decmcts.experiments.one_tree import OneTree
+from decmcts.experiments.decentral_or_central import OneTree
 from decmcts.experiments.teams import in_one_process
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import PrintProblem

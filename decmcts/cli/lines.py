@@ -1,8 +1,7 @@
 """What is said of a result, in lines for a person and in figures for a program.
 
-What a result gained, in the maker's words: as a table, as plain lines, and for programs.
-
-Each figure is shown once. The paper's figures are for programs (`--json`) and `--verbose`.
+Each figure is shown once, in the maker's words. The paper's figures are for programs (`--json`)
+and `--verbose`.
 """
 
 from __future__ import annotations

@@ -2,10 +2,6 @@
 
 Rows are computed by an executor of `concurrent.futures`, whatever is behind it, and kept one by
 one as they come, so that an experiment which was stopped goes on where it was.
-
-The experiments by name, and one run of any of them in whatever process.
-
-A Dask cluster as an executor, where Dask is installed.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ def _against_one_head(what: Given, document: PlanDocument, key: Key) -> Row:
 
 
 def _columns(rows: Sequence[Line]) -> list[str]:
-    """Return the columns `COLUMNS` of a table for rows of `against_one_head`."""
+    """Return the columns `COLUMNS` of a table for rows of `_against_one_head`."""
     return [
         spread(column(rows, "speedup"), 2), spread(column(rows, "most"), 2),
         *(spread([100.0 * v for v in column(rows, name)], 1) for name in ("waits", "idle")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from decmcts.experiments import one_tree
+from decmcts.experiments.decentral_or_central import by_one_tree
 from decmcts.experiments.teams import in_one_process
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.joint_plan import schedule
@@ -12,7 +12,7 @@ from tests.makers.random_teams import judged, problem_of
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("plan", [one_tree.plan, in_one_process])
+@pytest.mark.parametrize("plan", [by_one_tree, in_one_process])
 def test_the_judge_accepts_what_is_found(plan):
     """A planner that cheats would be no yardstick."""
     problem = problem_of(1)
