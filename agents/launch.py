@@ -33,7 +33,6 @@ class LaunchResult:
 
     agreement: Agreement
     toolpaths: tuple[Toolpath, ...]  # one a head, in the machine's order; empty for lost heads
-    problem: str  # digest of the team's problem
 
 
 def launch(
@@ -90,4 +89,4 @@ def _checked(problem: TeamProblem, agreement: Agreement) -> LaunchResult:
     if resolved.digest != agreement.digest:
         agreed, here = apart(agreement.digest, resolved.digest)
         raise LaunchError(f"the agreed plan {agreed} resolves to {here} here")
-    return LaunchResult(agreement, resolved.toolpaths, problem.digest)
+    return LaunchResult(agreement, resolved.toolpaths)

@@ -30,7 +30,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +39,7 @@ import decmcts
 from agents.launching.status import AgentStatus
 from agents.messages import kinds
 from agents.messages.codec import decode, encode
-from decmcts.cli.commands.replay import BEGINS, read_record
+from decmcts.cli.commands.replay import BEGINS, cells_of, read_record
 from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.feasibility.rules import order_rules
@@ -275,8 +275,8 @@ def machine() -> bytes:
 
 def record() -> bytes:
     """Return a recording of three states."""
-    agents = [asdict(AgentStatus(k, name)) for k, name in enumerate(("left", "right"))]
-    states = [json.dumps({"at_s": 0.1 * k, "agents": agents}) for k in range(3)]
+    heads = [cells_of(AgentStatus(k, name), 1.0) for k, name in enumerate(("left", "right"))]
+    states = [json.dumps({"at_s": 0.1 * k, "heads": heads}) for k in range(3)]
     return "\n".join([f'{BEGINS}, "bound_s": 1.0}}', *states, ""]).encode()
 
 

@@ -63,7 +63,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_heads
 from tests.makers.plate import plate
-from tests.makers.printed import printed_twice
+from tests.makers.printed import printed_mm, printed_twice
 
 KEY = ("print", "kind", "number", "limit_s", "speed")
 FIGURES = (
@@ -330,7 +330,7 @@ def _figures(
         "planned_s": round(result.planned_s, 1), "makespan_s": round(result.makespan_s, 1),
         "complete": int(result.unprinted == 0 and not result.left), "unprinted": result.unprinted,
         "contacts": result.contacts, "twice": printed_twice(result.plans),
-        "lost_mm": round(due - result.printed_mm, 1), "reason": result.reason,
+        "lost_mm": round(due - printed_mm(result.plans), 1), "reason": result.reason,
     }  # fmt: skip
     touched = [contact for near in result.near for contact in near.contacts]
     if touched:

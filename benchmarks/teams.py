@@ -4,7 +4,7 @@
 
 Two heads (`dual-gantry`) print the corpus' eight plates; four and eight heads on a rail
 print `wide`, 1200 mm of all eight (`team_prints.py`). Methods: Dec-MCTS as real processes
-and in one process, and `decmcts.experiments.baselines`. Makespans are those of the exact plans,
+and in one process, and `team_baselines.py`. Makespans are those of the exact plans,
 each judged for every timing its order allows. pyrobopath is left out: it schedules paths
 with no rule for what must be printed before what lies on it or beside it, and without
 heads at rest; the judge would refuse its plans.

@@ -2,8 +2,7 @@
 
 `commands` has one module a command, `options` what several share; `run` turns every failure
 into one line. `running` shows what `decmcts.planning` reports, on a `console` whose `streams`
-never fail and whose `terminal` nothing in a file commands; `summary` and `lines` say how it
-went; `signals` stop it. `script_line` and `optional_files` are for slicers that call it.
+never fail; `lines` say how it went; `signals` stop it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """What is said of a result, in lines for a person and in figures for a program.
 
-What a result gained, in the maker's words: as a table, as plain lines, and for programs.
-
-Each figure is shown once. The paper's figures are for programs (`--json`) and `--verbose`.
+Each figure is shown once, in the maker's words. The paper's figures are for programs (`--json`)
+and `--verbose`.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from typing import Any
 from rich.table import Table
 
 from decmcts.planning.one_head.certificate import ROUNDING, Certificate
-from decmcts.planning.problem.planned import Planned
 from decmcts.planning.result import Result
 from decmcts.planning.writing.file_times import FileTimes, is_longer
 from decmcts.print.figures import MAKERS, change, clock_time, idle_line, shown
@@ -48,37 +46,14 @@ def bound_line(
     return f"{above} ({travel:,.1f} {unit} ≥ {found.bound:,.1f} {unit})" if verbose else above
 
 
-def longer_line(
-    before_s: float, after_s: float, retracted_mm: float | None, *, combs: bool = False
-) -> str | None:
-    """Return one line on why a whole file takes longer than its source; None if it does not.
-
-    `retracted_mm` is the travel from which filament is retracted, None if it never is;
-    `combs` says that longer ones inside the part are left bare, as in the source.
-    Some slicers lift while they travel.
-    """
-    if not is_longer(before_s, after_s):
+def whole_file_line(times: FileTimes | None) -> str | None:
+    """Return one line on why a whole file takes longer than its source; None if it does not."""
+    if times is None or times.before_s is None or not is_longer(times.before_s, times.after_s):
         return None
-    kind = "travel that leaves the part" if combs else "travel"
-    habit = (
-        "" if retracted_mm is None else f"every {kind} from {retracted_mm:g} mm up is retracted, "
-    )
     return (
-        f"the file takes longer than its source: here {habit}lifts go straight up and what must "
-        "cool is waited for, which the source may do less; where time is what counts, print the "
-        "source"
+        "the file takes longer than its source, which may retract less, lift while it travels or "
+        "wait less for what must cool; where time is what counts, print the source"
     )
-
-
-def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
-    """Return the line on a result's whole file that takes longer; None if it does not."""
-    if times is None or times.before_s is None:
-        return None
-    settings = planned.problem.job.settings
-    retracts = any(one.firmware_retraction or one.retract_mm > 0.0 for one in settings.each())
-    retracted_mm = settings.retract_min_travel_mm if retracts else None
-    combs = settings.bare_inside_mm > 0.0
-    return longer_line(times.before_s, times.after_s, retracted_mm, combs=combs)
 
 
 def changes_line(before: Metrics, after: Metrics) -> str:

@@ -18,7 +18,6 @@ from decmcts.planning.options import (
     Objective,
     PlannerName,
     ProcessOrder,
-    Rules,
     Seam,
 )
 
@@ -73,11 +72,12 @@ FreedomOption = Annotated[
     ),
 ]
 SeamOption = Annotated[
-    Seam | None,
+    Seam,
     search(
         "--seam SEAM",
         "With --freedom seam. nearest: wherever travel is least (default); aligned: "
         "above the seam below; rear: largest Y; corner: sharpest, concave first",
+        show_default=False,
     ),
 ]
 ProcessOption = Annotated[
@@ -248,35 +248,6 @@ def given(context: typer.Context) -> dict[str, list[str]]:
         if parameter.name and origin is not None and origin.name == "COMMANDLINE":
             found[parameter.name] = [*parameter.opts, *parameter.secondary_opts]
     return found
-
-
-def rules_of(
-    freedom: Freedom,
-    seam: Seam | None,
-    process_order: ProcessOrder,
-    quality: bool | None,
-    min_layer_time_s: float | None,
-    max_layers_ahead: int | None,
-    avoid_walls: AvoidWalls = AvoidWalls.AUTO,
-    *,
-    without_tower: bool = False,
-) -> Rules:
-    """Return the rules that were asked for; InputError for a seam that would mean nothing."""
-    if seam is not None and freedom != Freedom.SEAM:
-        raise InputError(
-            f"--seam {seam.value} needs --freedom seam, this is freedom {freedom.value}",
-            advice="add --freedom seam, or leave --seam out",
-        )
-    return Rules(
-        process_order,
-        quality,
-        min_layer_time_s,
-        max_layers_ahead,
-        freedom,
-        seam or Seam.NEAREST,
-        avoid_walls,
-        without_tower,
-    )
 
 
 def refuse_layer_alone(picture_layer: int | None, picture: Path | None) -> None:

@@ -8,13 +8,15 @@ all, and the others wait for its plan.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from agents.planners.team_planner import DecMctsPlanner
-from decmcts.experiments.baselines import annealing, one_tree
 from decmcts.experiments.in_memory import agreed, weather_of
 from decmcts.experiments.kinds import (
     Asked,
@@ -32,23 +34,75 @@ from decmcts.experiments.kinds import (
     median,
     spread,
 )
-from decmcts.experiments.teams import PlanFunction, figures, given, in_one_process, planned
-from decmcts.experiments.two_heads import machine_for
+from decmcts.experiments.teams import (
+    PlanFunction,
+    figures,
+    given,
+    in_one_process,
+    machine_for,
+    planned,
+)
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.dec_mcts.exchange import exchange_jointly
+from decmcts.team.dec_mcts.planner import DecMcts
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import resolve
 
 HEADS = 3
 BED_MM = 500.0
 MADE = ("row-6-20-20", "row-3-60-10")
-PLANNERS: Mapping[str, PlanFunction] = {
-    "dec-mcts": in_one_process,
-    "one tree": one_tree.plan,
-    "annealing": annealing.plan,
-}
 NETWORKS = ((0.0, 0.0), (0.2, 0.5), (0.5, 1.0))  # loss, delay at most in s
 DECENTRAL, CENTRAL = "decentral", "central"
+
+
+class OneTree(DecMcts):
+    """One Monte Carlo tree over joint plans in place of a tree and a distribution a head."""
+
+    def _sample(self, team: tuple[int, ...]) -> None:
+        """Grow the tree by one joint plan."""
+        if self._joint is None:
+            self._joint = [self._values.starts[team].plans]
+            self._tree = self._new_tree(np.zeros(1, np.int32))
+        node = self._tree.descend()
+        plans = exchange_jointly(self.problem, self._joint[node], self._rng)
+        while self._rng.random() < 0.3:
+            plans = exchange_jointly(self.problem, plans, self._rng)
+        self._joint.append(plans)
+        child = self._tree.expand(node, np.array([len(self._joint)], np.int32))
+        makespan = self._values.makespan(plans, team)
+        self._utilities.append(-makespan)
+        low, high = float(np.median(self._utilities)), max(self._utilities)
+        reward = max(0.0, -makespan - low) / (high - low) if high > low else 0.5
+        self._tree.backup(child, reward)
+
+    _joint: list[Any] | None = None
+
+    def _combine(self, team: tuple[int, ...]) -> None:
+        """Leave all to the tree."""
+
+    def _update(self, team: tuple[int, ...]) -> None:
+        """Have no distribution."""
+
+
+def by_one_tree(problem: TeamProblem, stopping: Stopping, *, seed: int) -> tuple[Toolpath, ...]:
+    """Return what one host finds that knows all and plans for all; iterations are rounds."""
+    live = range(len(problem.machine.heads))
+    began, rounds = time.process_time(), 0
+    tree = OneTree(problem, 0, seed=seed)
+    while not rounds or not stopping.ends(time.process_time() - began, rounds):
+        tree.iterate(live, stopping.spent(time.process_time() - began, rounds))
+        rounds += 1
+    return resolve(problem, tree.best(live).plans, live).toolpaths
+
+
+PLANNERS: Mapping[str, PlanFunction] = {
+    "dec-mcts": in_one_process,
+    "one tree": by_one_tree,
+}
 
 
 class Central(DecMctsPlanner):
@@ -56,7 +110,7 @@ class Central(DecMctsPlanner):
 
     def __init__(self, problem: TeamProblem, head: int, *, seed: int) -> None:
         super().__init__(problem, head, seed=seed)
-        self._search = one_tree.OneTree(problem, head, seed=seed)
+        self._search = OneTree(problem, head, seed=seed)
 
     def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
         """Do as many rounds as there are heads."""
@@ -87,7 +141,7 @@ def _run(key: Key) -> Row:
     what = given(key, machine, Cut.INSIDE, middle=middle)
     compile_rounds()
     if key["setting"] == "equal time":
-        document, _ = planned(what, key, PLANNERS[key["planner"]])
+        document = planned(what, key, PLANNERS[key["planner"]])
         return figures(what, document)
     weather = weather_of(float(key["loss"]), float(key["delay_s"]))
     result = agreed(what, weather, _planners(what.team, key), key)

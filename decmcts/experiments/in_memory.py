@@ -1,8 +1,6 @@
-"""Agents that agree over a network in memory, whose clock and losses repeat bit for bit.
+"""Agents that agree over a network in memory, stepped by hand: no threads, no sleeping.
 
-A team of agents on a network in memory, stepped by hand: no threads, no sleeping.
-
-Its clock is the network's, so a run repeats bit for bit.
+Their clock is the network's, so a run repeats bit for bit.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """What an experiment is: the runs it makes, one run, and what its rows say.
 
-Rows of results in a CSV file, and what tables are made of them.
-
-Figures of experiments: curves with their spread, and boxes.
+Rows are kept in a CSV file; tables and figures are made of them.
 """
 
 from __future__ import annotations

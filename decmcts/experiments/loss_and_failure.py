@@ -17,14 +17,11 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from agents.agreeing.events import HeadFenced
-from agents.launch import LaunchResult
-from agents.launching.spawn import Agreement
 from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.in_memory import STEP_S, Agreed, MemoryTeam, agreed, rounds_of, weather_of
 from decmcts.experiments.kinds import (
@@ -45,31 +42,26 @@ from decmcts.experiments.kinds import (
     stopping_of,
 )
 from decmcts.experiments.prints import print_file
-from decmcts.experiments.stopped import log_until
-from decmcts.experiments.teams import Given, bound_s, given, planned, printing_s
-from decmcts.experiments.two_heads import machine_for
-from decmcts.feasibility.graph import DependencyGraph
+from decmcts.experiments.teams import Given, bound_s, given, machine_for, planned, printing_s
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.planning.replanning.replan import replan, rest_of
 from decmcts.planning.replanning.rest import LeftBeads
-from decmcts.planning.team.pipeline import Launch
-from decmcts.print.job import PrintJob
-from decmcts.print.lags_kernels import Lags
+from decmcts.planning.team.own_planner import planned_by
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
+from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import state_of_events
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.dec_mcts.warm_up import compile_rounds
-from decmcts.team.engine.plans import StatedOrder
-from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.incumbent import PROCESSOR
+from decmcts.team.incumbent import TeamIncumbent
 from sim.controllers.carry_out import carry_out
 from sim.controllers.from_plan import programs_of_plan
-from sim.controllers.simulate import Simulation, simulate
+from sim.controllers.simulate import Simulation, events_of, simulate
 from sim.controllers.timing import no_error
 
 BED_MM = 400.0
@@ -138,7 +130,7 @@ def _planning(what: Given, key: Key) -> Row:
 
 def _printing(what: Given, machine: Machine, key: Key) -> Row:
     """Print until a head stops, and plan the rest anew."""
-    document, _ = planned(what, key)
+    document = planned(what, key)
     simulation = simulate(programs_of_plan(document), document.machine)
     at_s = float(key["moment"]) * simulation.makespan_s
     state = state_of_events(document, log_until(simulation, document, VICTIM, at_s))
@@ -146,8 +138,10 @@ def _printing(what: Given, machine: Machine, key: Key) -> Row:
     began = time.perf_counter()
     source = _source(key, machine, what)
     rest = rest_of(document, source, state, {victim.name: victim.park}, LeftBeads.FINISH)
-    result = replan(rest, TeamSearch(0.0, int(key["seed"]), cut=Cut.NONE), Rules(), writes=False,
-                    agents=in_turn(key))  # fmt: skip
+    result = replan(
+        rest, TeamSearch(0.0, int(key["seed"]), cut=Cut.NONE), Rules(), writes=False,
+        agents=partial(planned_by, InTurn(stopping_of(key))),
+    )  # fmt: skip
     thought_s = time.perf_counter() - began
     total = at_s + result.document.plan.makespan_s
     least = max(bound_s(what), clairvoyant_s(document, at_s))
@@ -163,6 +157,25 @@ def _printing(what: Given, machine: Machine, key: Key) -> Row:
            for name, person_s in PERSON_S.items()},
         "thought_s": round(thought_s, 2),
     }  # fmt: skip
+
+
+def log_until(simulation: Simulation, document: PlanDocument, head: int, time_s: float) -> EventLog:
+    """Return what has happened up to a time at which a head stops for good."""
+    log = events_of(simulation, document.problem)
+    before = [event for event in log.events if event.time_s < time_s]
+    program, run = simulation.programs[head], simulation.run.heads[head]
+    at = simulation.positions(np.array([time_s]))[head][0]
+    begun = [e.action for e in before if e.head == head and e.kind is EventKind.BEGAN]
+    ended = [e.action for e in before if e.head == head and e.kind is EventKind.ENDED]
+    action, point = (begun[-1], 0) if begun else (-1, 0)
+    if begun and action not in ended:
+        mine = program.action == action
+        point = int(np.count_nonzero(run.end[mine] - simulation.begin_s <= time_s))
+    x, y, z = at.tolist()
+    failed = PrintEvent(
+        EventKind.FAILED, head, time_s, action, point, (x, y, z), what="clogged"
+    )  # fmt: skip
+    return EventLog(log.problem, log.heads, (*before, failed))
 
 
 def _source(key: Key, machine: Machine, what: Given) -> Source:
@@ -198,23 +211,19 @@ def waiting_s(
     return max(head.end_s for head in late.heads) - simulation.begin_s
 
 
-def in_turn(key: Key) -> Launch:
-    """Return what stands for the heads' processes: they plan in turn in this one."""
+class InTurn:
+    """Heads that plan in turn in this process, in place of processes of their own."""
 
-    def agents(
-        job: PrintJob, machine: Machine, graph: DependencyGraph, *, lags: Lags | None,
-        start: StatedOrder | None, **_: Any,
-    ) -> LaunchResult:  # fmt: skip
-        problem = build_team_problem(job, machine, graph, lags, start)
-        live = tuple(range(len(machine.heads)))
+    def __init__(self, stopping: Stopping) -> None:
+        self._stopping = stopping
+
+    def plan(self, incumbent: TeamIncumbent, *, seed: int) -> None:
+        """Offer the best joint order of all heads."""
         best = plan_in_turn(
-            problem, stopping=stopping_of(key), seed=int(key["seed"]), clock=PROCESSOR
+            incumbent.problem, stopping=self._stopping, seed=seed, clock=time.process_time
         )
-        found = resolve(problem, best.plans, live)
-        agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
-        return LaunchResult(agreement, found.toolpaths, problem.digest)
-
-    return agents
+        found = resolve(incumbent.problem, best.plans, range(len(incumbent.problem.machine.heads)))
+        incumbent.offer_toolpaths(found.toolpaths, found.makespan_s)
 
 
 def _planned_rows(rows: Sequence[Line]) -> list[Line]:

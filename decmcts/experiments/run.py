@@ -2,10 +2,6 @@
 
 Rows are computed by an executor of `concurrent.futures`, whatever is behind it, and kept one by
 one as they come, so that an experiment which was stopped goes on where it was.
-
-The experiments by name, and one run of any of them in whatever process.
-
-A Dask cluster as an executor, where Dask is installed.
 """
 
 from __future__ import annotations
@@ -29,12 +25,10 @@ from decmcts.errors import InputError, VerificationError
 from decmcts.experiments.decentral_or_central import DECENTRAL_OR_CENTRAL
 from decmcts.experiments.kinds import DPI, Asked, Experiment, Key, Line, Row, Rows
 from decmcts.experiments.loss_and_failure import LOSS_AND_FAILURE
-from decmcts.experiments.online import ONLINE
 from decmcts.experiments.paper import PAPER
 from decmcts.experiments.prints import own_prints
-from decmcts.experiments.team_size import TEAM_SIZE
+from decmcts.experiments.speed_up import TEAM_SIZE, TWO_HEADS
 from decmcts.experiments.timing import TIMING
-from decmcts.experiments.two_heads import TWO_HEADS
 from decmcts.formats.files.atomic import write_whole
 from decmcts.planning.compiling.child import made
 from decmcts.planning.compiling.parts import is_compiled
@@ -249,7 +243,7 @@ def _setting(rows: Sequence[Line]) -> str:
     )
 
 
-_ALL = (TWO_HEADS, TEAM_SIZE, TIMING, LOSS_AND_FAILURE, DECENTRAL_OR_CENTRAL, ONLINE, PAPER)
+_ALL = (TWO_HEADS, TEAM_SIZE, TIMING, LOSS_AND_FAILURE, DECENTRAL_OR_CENTRAL, PAPER)
 EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({each.name: each for each in _ALL})
 
 

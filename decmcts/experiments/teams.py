@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from decmcts.experiments.kinds import Key, Line, Row, column, spread, stopping_of
-from decmcts.experiments.prints import MIDDLE_MM, Point, print_file
+from decmcts.experiments.kinds import Key, Row, stopping_of
+from decmcts.experiments.prints import MIDDLE_MM, Point, is_own, print_file
+from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules
 from decmcts.planning.problem.own_tools import team_problem
@@ -20,23 +21,16 @@ from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.planners import plan_order
-from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.dec_mcts.warm_up import compile_rounds
-from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.incumbent import Budget, Found, JointIncumbent
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
-COLUMNS = ["times as fast", "at most", "waits %", "done early %"]
-STEPS = 20_000  # of one head's annealing for each round of a team
-
-PlanFunction = Callable[..., Found]  # (problem, budget, *, seed)
+PlanFunction = Callable[..., tuple[Toolpath, ...]]  # (problem, stopping, *, seed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +45,17 @@ class Given:
     def whole(self) -> PrintProblem:
         """The print before contours were cut."""
         return self.problem.whole or self.problem
+
+
+def machine_for(key: Key, heads: int, length_mm: float) -> tuple[Machine, Point]:
+    """Return a machine with so many heads in a row, and where prints made by code lie on it.
+
+    For one's own prints of two heads it is `dual-gantry` as it is.
+    """
+    pair = load_machine("dual-gantry")
+    middle = length_mm / 2.0, (pair.bed_min[1] + pair.bed_max[1]) / 2.0
+    own = is_own(key) and heads == 2
+    return pair if own else rail_machine(pair, heads, length_mm), middle
 
 
 def given(key: Key, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = MIDDLE_MM) -> Given:
@@ -73,22 +78,18 @@ def given_by(problem: PrintProblem, cut: Cut = Cut.NONE) -> Given:
     return Given(problem, lags, build_team_problem(job, machine, graph, lags, start))
 
 
-def in_one_process(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
+def in_one_process(problem: TeamProblem, stopping: Stopping, *, seed: int) -> tuple[Toolpath, ...]:
     """Return what all heads' Dec-MCTS find in turn; its iterations are rounds."""
     heads = range(len(problem.machine.heads))
-    best = JointIncumbent(budget, len(heads))
-    proposal = plan_in_turn(problem, stopping=budget.stopping, seed=seed, clock=budget.clock)
-    found = resolve(problem, proposal.plans, heads)
-    best.offer_toolpaths(found.toolpaths, found.makespan_s)
-    return best.found
+    proposal = plan_in_turn(problem, stopping=stopping, seed=seed, clock=time.process_time)
+    return resolve(problem, proposal.plans, heads).toolpaths
 
 
-def planned(what: Given, key: Key, by: PlanFunction = in_one_process) -> tuple[PlanDocument, Found]:
+def planned(what: Given, key: Key, by: PlanFunction = in_one_process) -> PlanDocument:
     """Return the joint plan that a planner finds; raises VerificationError unless it is safe."""
     compile_rounds()
-    by(what.team, Budget(Stopping(iterations=1)), seed=0)  # compiles, or loads what is compiled
-    found = by(what.team, Budget(stopping_of(key)), seed=int(key["seed"]))
-    return exact(what, found.toolpaths), found
+    by(what.team, Stopping(iterations=1), seed=0)  # compiles, or loads what is compiled
+    return exact(what, by(what.team, stopping_of(key), seed=int(key["seed"])))
 
 
 def exact(what: Given, toolpaths: tuple[Toolpath, ...]) -> PlanDocument:
@@ -98,20 +99,6 @@ def exact(what: Given, toolpaths: tuple[Toolpath, ...]) -> PlanDocument:
     document = document_of(problem, plan, {})
     require_passed(verify_plan(document, source=what.whole.job))
     return document
-
-
-def alone_s(what: Given, key: Key) -> float:
-    """Return how long one head takes that reaches everything, in the best order annealing finds."""
-    whole = what.whole
-    machine = lone_machine(whole.machine)
-    order = plan_order(
-        OrderProblem.from_job(whole.job, whole.graph, whole.rules.freedom.value),
-        planner="local", stopping=stopping_of(key, STEPS), seed=int(key["seed"]),
-        clock=time.process_time,
-    )  # fmt: skip
-    lags = what.lags if what.problem.whole is None else lags_of(whole, source_plan(whole))
-    plan = schedule(whole.job, machine, whole.graph, [order.toolpath], lags=lags)
-    return plan.makespan_s
 
 
 def bound_s(what: Given) -> float:
@@ -134,25 +121,6 @@ def figures(what: Given, document: PlanDocument) -> Row:
         "waits": round((until - busy) / (heads * end), 4),
         "idle": round(1.0 - until / (heads * end), 4),
     }
-
-
-def against_one_head(what: Given, document: PlanDocument, key: Key) -> Row:
-    """Return the figures of a plan, and how much sooner it ends than one head alone."""
-    one_s, row = alone_s(what, key), figures(what, document)
-    return {
-        **row,
-        "one_head_s": round(one_s, 2),
-        "speedup": round(one_s / row["makespan_s"], 4),
-        "most": round(one_s / row["bound_s"], 4),
-    }
-
-
-def columns_of(rows: Sequence[Line]) -> list[str]:
-    """Return the columns `COLUMNS` of a table for rows of `against_one_head`."""
-    return [
-        spread(column(rows, "speedup"), 2), spread(column(rows, "most"), 2),
-        *(spread([100.0 * v for v in column(rows, name)], 1) for name in ("waits", "idle")),
-    ]  # fmt: skip
 
 
 def printing_s(document: PlanDocument) -> float:

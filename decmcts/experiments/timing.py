@@ -40,8 +40,7 @@ from decmcts.experiments.kinds import (
     spread,
 )
 from decmcts.experiments.prints import shown
-from decmcts.experiments.teams import given, planned
-from decmcts.experiments.two_heads import machine_for
+from decmcts.experiments.teams import given, machine_for, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.plan import PlanDocument
@@ -72,7 +71,7 @@ def _plan(*of: str | float) -> PlanDocument:
     key = dict(zip(PLANNED, of, strict=True))
     machine, middle = machine_for(key, 2, 300.0)
     what = given(key, machine, Cut.INSIDE, middle=middle)
-    return planned(what, key)[0]
+    return planned(what, key)
 
 
 def _run(key: Key) -> Row:

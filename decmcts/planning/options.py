@@ -137,10 +137,10 @@ class Rules:
     >>> from decmcts import Freedom, Rules, Seam
     >>> Rules(freedom=Freedom.SEAM, seam=Seam.REAR).max_layers_ahead is None
     True
-    >>> Rules(seam=Seam.REAR)
+    >>> Rules(seam=Seam.REAR)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    decmcts.errors.InputError: seam rear needs freedom seam, this is freedom reversible
+    decmcts.errors.InputError: seam rear needs freedom seam, this is freedom reversible; ...
     """
 
     process_order: ProcessOrder = ProcessOrder.KEEP
@@ -156,7 +156,10 @@ class Rules:
         check_fields(self)
         refuse_too_many_ahead(self.max_layers_ahead)
         if self.seam != Seam.NEAREST and self.freedom != Freedom.SEAM:
-            raise InputError(f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}")
+            raise InputError(
+                f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}",
+                advice="add --freedom seam, or leave --seam out",
+            )
 
     def holds(self, machine: Machine) -> bool:
         """Tell whether `quality` holds on this machine: the paper's has no such rule."""

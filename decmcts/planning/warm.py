@@ -1,8 +1,8 @@
 """Compiling kernels ahead of need: for `decmcts warm`, and in a process beside a first run.
 
 A part is compiled by running the code that needs it on tiny input. Run as
-`python -m decmcts.planning.warm PART...`, this module compiles the parts in turn and prints
-the name of each when it is done. It ends when its standard input does.
+`python -m decmcts.planning.warm PART...`, this module compiles the parts in turn. It ends when
+its standard input does.
 """
 
 from __future__ import annotations
@@ -119,7 +119,6 @@ def main(parts: list[str]) -> None:
     for part in parts:
         if not is_compiled(part):
             compile_part(part)
-        print(part, flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """The best joint order a planner has found, and how long it may go on looking.
 
-For planners other than Dec-MCTS: of users (`TeamIncumbent`) and of experiments. All joint orders
-are judged by the same engine.
+For planners other than Dec-MCTS. All joint orders are judged by the same engine.
 """
 
 from __future__ import annotations
@@ -18,13 +17,11 @@ from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.incumbent import whole_order
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import as_stated
 
 Clock = Callable[[], float]
-PROCESSOR: Clock = time.process_time
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +29,7 @@ class Budget:
     """What a planner may spend."""
 
     stopping: Stopping  # iterations are joint orders tried, of which there is always one
-    clock: Clock = PROCESSOR
+    clock: Clock = time.process_time
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,60 +42,7 @@ class Found:
     history: tuple[tuple[float, float], ...]  # seconds and makespan whenever it got better
 
 
-class JointIncumbent:
-    """The best joint order so far."""
-
-    def __init__(self, budget: Budget, heads: int) -> None:
-        self._budget, self._heads = budget, heads
-        self._started = budget.clock()
-        self._toolpaths: tuple[Toolpath, ...] = ()
-        self._history: list[tuple[float, float]] = []
-        self.makespan_s = np.inf
-        self.orders = 0
-
-    @property
-    def seconds(self) -> float:
-        """Seconds spent so far."""
-        return self._budget.clock() - self._started
-
-    @property
-    def share(self) -> float:
-        """Share of the budget that is spent, 0..1."""
-        return min(1.0, self._budget.stopping.spent(self.seconds, self.orders))
-
-    @property
-    def ended(self) -> bool:
-        """Whether the budget is spent."""
-        return self.orders > 0 and self._budget.stopping.ends(self.seconds, self.orders)
-
-    def offer(self, units: Units) -> float:
-        """Keep the order that units were placed in if it is the best; returns its makespan."""
-        makespan = float(units.end[: int(units.used[0])].max(initial=0.0))
-        better = self._counted(makespan)
-        if better:
-            self._toolpaths = tuple(stated_of(units).toolpaths(self._heads))
-        return makespan
-
-    def offer_toolpaths(self, toolpaths: Sequence[Toolpath], makespan_s: float) -> None:
-        """Keep a joint order judged elsewhere if it is the best."""
-        if self._counted(makespan_s):
-            self._toolpaths = tuple(toolpaths)
-
-    def _counted(self, makespan_s: float) -> bool:
-        self.orders += 1
-        better = makespan_s < self.makespan_s
-        if better:
-            self.makespan_s = makespan_s
-            self._history.append((self.seconds, makespan_s))
-        return better
-
-    @property
-    def found(self) -> Found:
-        """The best so far; something was offered."""
-        return Found(self._toolpaths, self.makespan_s, self.orders, tuple(self._history))
-
-
-class TeamIncumbent(JointIncumbent):
+class TeamIncumbent:
     """The best joint order so far, of a print for several heads.
 
     Parameters
@@ -111,13 +55,34 @@ class TeamIncumbent(JointIncumbent):
     """
 
     def __init__(self, problem: TeamProblem, budget: Budget) -> None:
-        super().__init__(budget, len(problem.machine.heads))
         self.problem = problem
+        self._budget, self._started = budget, budget.clock()
+        self._toolpaths: tuple[Toolpath, ...] = ()
+        self._history: list[tuple[float, float]] = []
+        self.makespan_s = np.inf
+        self.orders = 0
+
+    @property
+    def seconds(self) -> float:
+        """Seconds spent so far."""
+        return self._budget.clock() - self._started
 
     @property
     def over(self) -> bool:
         """Whether the search has ended."""
         return self._budget.stopping.ends(self.seconds, self.orders)
+
+    @property
+    def found(self) -> Found:
+        """The best so far; something was offered."""
+        return Found(self._toolpaths, self.makespan_s, self.orders, tuple(self._history))
+
+    def offer_toolpaths(self, toolpaths: Sequence[Toolpath], makespan_s: float) -> None:
+        """Keep a joint order judged elsewhere if it is the best."""
+        self.orders += 1
+        if makespan_s < self.makespan_s:
+            self.makespan_s, self._toolpaths = makespan_s, tuple(toolpaths)
+            self._history.append((self.seconds, makespan_s))
 
     @checked
     def offer_order(
@@ -149,7 +114,7 @@ class TeamIncumbent(JointIncumbent):
         InputError
             If `order` has not each contour once, or shapes or heads are wrong.
         """
-        n, heads = len(self.problem.job.contours), self._heads
+        n, heads = len(self.problem.job.contours), len(self.problem.machine.heads)
         order, head = whole_order(order, n), np.asarray(head)
         turned = np.zeros(n, np.bool_) if reversed is None else np.asarray(reversed) > 0
         for name, given in (("head", head), ("reversed", turned)):
@@ -162,11 +127,3 @@ class TeamIncumbent(JointIncumbent):
         makespan_s = np.inf if found is None else found.makespan_s
         self.offer_toolpaths(() if found is None else found.toolpaths, makespan_s)
         return float(makespan_s)
-
-
-def stated_of(units: Units) -> StatedOrder:
-    """Return the joint order in which units were placed."""
-    used = int(units.used[0])
-    row = np.flatnonzero(units.contour[:used] >= 0)
-    head = units.head[row].astype(np.int64)
-    return StatedOrder(units.contour[row].astype(np.int32), units.reversed[row], head)

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from decmcts.cli.lines import gain_table, longer_line, plain_lines
-from decmcts.planning.writing.file_times import is_longer
+from decmcts.cli.lines import gain_table, plain_lines, whole_file_line
+from decmcts.planning.writing.file_times import FileTimes, is_longer
 
 
 @pytest.mark.parametrize(("after_s", "longer"), [(1000.0, False), (1036.0, False), (1109.0, True)])
 def test_a_file_that_takes_longer_says_why(after_s: float, longer: bool) -> None:
     """Cura combs without retraction: an order with half the travel took a minute more."""
-    line = longer_line(1035.0, after_s, 5.0)
+    line = whole_file_line(FileTimes(1035.0, after_s))
     assert (line is not None) == longer
-    assert line is None or "every travel from 5 mm up is retracted" in line
     assert line is None or "print the source" in line
-
-
-def test_a_print_that_combs_is_not_said_to_retract_inside_the_part() -> None:
-    """Half of its travels from 5 mm up are bare: "every travel" would be false."""
-    line = longer_line(1035.0, 1109.0, 5.0, combs=True)
-    assert line and "every travel that leaves the part from 5 mm up is retracted" in line
 
 
 def test_retractions_are_counted_without_a_percentage() -> None:
@@ -28,13 +21,6 @@ def test_retractions_are_counted_without_a_percentage() -> None:
     table = gain_table({"retractions": 3}, {"retractions": 9})
     cells = [next(iter(column.cells)) for column in table.columns]
     assert cells == ["retractions", "3", "9", ""]
-
-
-def test_a_print_without_retraction_is_not_said_to_retract() -> None:
-    """What the line gives as a reason must be true of the print."""
-    line = longer_line(1035.0, 1109.0, None)
-    assert line and "retracted" not in line
-    assert "print the source" in line
 
 
 @pytest.mark.parametrize(

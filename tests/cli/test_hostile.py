@@ -90,7 +90,6 @@ KNOWN = {  # what else leads to a terminal or to a pipe, and what is said there
     "decmcts/cli/signals.py": {"os.write"},  # a line of ours
     "decmcts/cli/streams.py": {"sys.stderr.write"},  # the system's words
     "decmcts/cli/__init__.py": {"sys.stderr.write"},  # a line of ours
-    "decmcts/planning/warm.py": {"print"},  # names of parts, to its parent
     "decmcts/planning/writing/places.py": {"sys.stdout.buffer.write"},  # G-code, by `-o -`
     "agents/loop/pipes.py": {"print", "os.write"},  # harmless, or a digest; JSON to its parent
     "agents/launching/processes.py": {"print"},  # harmless

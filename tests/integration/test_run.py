@@ -26,7 +26,7 @@ from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.run import RunResult, run
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_events
-from tests.makers.printed import printed_twice
+from tests.makers.printed import printed_mm, printed_twice
 from tests.planning.replanning.conftest import Made
 from tests.planning.replanning.conftest import cut as _cut
 from tests.planning.replanning.conftest import made as _made
@@ -92,7 +92,7 @@ def assert_printed(made: Made, result: RunResult) -> None:
     contours = made.document.contours
     steps = np.linalg.norm(np.diff(contours.points, axis=0), axis=1)
     due = float(steps[contours.extrusion[1:] > 0.0].sum())  # no hops of pieces
-    assert result.printed_mm == pytest.approx(due, abs=0.2)
+    assert printed_mm(result.plans) == pytest.approx(due, abs=0.2)
 
 
 def test_two_heads_print_a_plan(made: Made, tmp_path: Path) -> None:

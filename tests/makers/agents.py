@@ -45,7 +45,7 @@ class Agents:
         best = plan_in_turn(problem, stopping=Stopping(iterations=1), seed=0)
         found = resolve(problem, best.plans, live)
         agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
-        return LaunchResult(agreement, found.toolpaths, problem.digest)
+        return LaunchResult(agreement, found.toolpaths)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.problem import build_team_problem
-from decmcts.team.incumbent import Budget, JointIncumbent, TeamIncumbent
+from decmcts.team.incumbent import Budget, TeamIncumbent
 from decmcts.team.schedule.joint_plan import schedule
 from tests.makers.random_teams import judged
 
@@ -59,10 +59,12 @@ def test_what_is_no_order_is_named(incumbent, name: str, wrong: object) -> None:
     assert incumbent.orders == 0
 
 
-def test_incumbent_keeps_the_best_and_when():
+def test_incumbent_keeps_the_best_and_when(incumbent):
     """Time to a target is read off the history."""
     seconds = iter(range(100))
-    best = JointIncumbent(Budget(Stopping(50.0), clock=lambda: float(next(seconds))), 2)
+    best = TeamIncumbent(
+        incumbent.problem, Budget(Stopping(50.0), clock=lambda: float(next(seconds)))
+    )
     for makespan in (9.0, 11.0, 7.0):
         best.offer_toolpaths((), makespan)
     assert [value for _, value in best.found.history] == [9.0, 7.0]

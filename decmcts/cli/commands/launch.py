@@ -34,6 +34,7 @@ from decmcts.planning.options import (
     Objective,
     ProcessOrder,
     Rules,
+    Seam,
     TeamSearch,
 )
 from decmcts.planning.problem.own_tools import with_tools
@@ -79,7 +80,7 @@ def launch(
     ] = None,
     plate: opt.PlateOption = None,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = None,
+    seam: opt.SeamOption = Seam.NEAREST,
     process_order: opt.ProcessOption = ProcessOrder.KEEP,
     objective: Annotated[
         Objective,
@@ -125,11 +126,12 @@ def launch(
     if is_qcsp(source):
         from decmcts.cli.commands import bare  # its search loads for those who ask
 
-        bare.refuse_for_qcsp(context)
-        bare.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        bare.solve(
+            context, bare.QCSP, source, output, time_limit_s=time_limit, seed=seed, as_json=as_json
+        )
         return
-    rules = opt.rules_of(
-        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead,
+    rules = Rules(
+        process_order, quality, min_layer_time, max_layers_ahead, freedom, seam,
         without_tower=without_tower,
     )  # fmt: skip
     of_cuts = {"--weld-limit-s": weld_limit_s, "--stagger-mm": stagger_mm}

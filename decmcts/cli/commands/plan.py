@@ -36,6 +36,7 @@ from decmcts.planning.options import (
     PlannerName,
     ProcessOrder,
     Rules,
+    Seam,
     Search,
 )
 from decmcts.planning.plan import plan as find_order
@@ -69,7 +70,7 @@ def plan(
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = None,
+    seam: opt.SeamOption = Seam.NEAREST,
     process_order: opt.ProcessOption = ProcessOrder.KEEP,
     objective: opt.ObjectiveOption = Objective.TRAVEL,
     limits: opt.LimitsOption = Limits.SOURCE,
@@ -106,8 +107,9 @@ def plan(
     if is_sop(source):
         from decmcts.cli.commands import bare  # its search loads for those who ask
 
-        bare.refuse_for_sop(context)
-        bare.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        bare.solve(
+            context, bare.SOP, source, output, time_limit_s=time_limit, seed=seed, as_json=as_json
+        )
         return
     refuse_for_gcode(context, source)
     edits = not is_mesh(source)
@@ -116,9 +118,9 @@ def plan(
     refuse_other_suffixes(plan_file, report, picture)
     refuse_two_on_stdout(output, as_json=as_json)
     refuse_stdout(sliced, "--sliced")
-    rules = opt.rules_of(
-        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead, avoid_walls,
-    )  # fmt: skip
+    rules = Rules(
+        process_order, quality, min_layer_time, max_layers_ahead, freedom, seam, avoid_walls
+    )
     opt.refuse_layer_alone(picture_layer, picture)
     only_shown = not (as_json or output or plan_file or report or picture or sliced)
     slicing = Slicing(
@@ -279,7 +281,7 @@ def show(
         fewer,
         "" if kept else bound_line(result.bound, verbose=verbose, fewer_changes=bool(fewer)),
         cooling_line(planned.after),
-        None if kept else whole_file_line(planned, times),
+        None if kept else whole_file_line(times),
         layers_line(planned),
     )
     if kept:

@@ -44,6 +44,8 @@ from decmcts.planning.options import (
     Objective,
     PlannerName,
     ProcessOrder,
+    Rules,
+    Seam,
     Search,
 )
 from decmcts.planning.problem.source import beside, exported_file, is_foreign
@@ -101,7 +103,7 @@ def post(
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = None,
+    seam: opt.SeamOption = Seam.NEAREST,
     process_order: opt.ProcessOption = ProcessOrder.KEEP,
     objective: opt.ObjectiveOption = Objective.TRAVEL,
     limits: opt.LimitsOption = Limits.SOURCE,
@@ -146,9 +148,9 @@ def post(
     refuse_place(path, advice="it is edited in place: make it and its folder writable")
     if is_mesh(path):
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
-    rules = opt.rules_of(
-        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead, avoid_walls,
-    )  # fmt: skip
+    rules = Rules(
+        process_order, quality, min_layer_time, max_layers_ahead, freedom, seam, avoid_walls
+    )
     if (before := as_sliced(load_text(path, plate))) is not None:
         with written():
             show_planned_already(before, path, views=bool(report or picture), as_json=as_json)
@@ -222,7 +224,7 @@ def show_rewritten(
         lines = [
             f"{name}: rewritten for {planned.after.machine.name} and verified",
             *plain_lines(before, after, verbose=verbose),
-            whole_file_line(planned, times),
+            whole_file_line(times),
             layers_line(planned),
         ]
     lines += [searched_line(after) if verbose else None, *(f"wrote {view}" for view in views)]

@@ -1,7 +1,7 @@
 """What the agents of a launch do over time: the live table, its recording, `decmcts replay`.
 
-A recording is a text file of JSON lines: what it is and the bound, then the state of all
-agents whenever it was shown.
+A recording is a text file of JSON lines: what it is and the bound, then the cells of the table
+whenever it was shown.
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, TextIO
 
@@ -30,46 +29,47 @@ from decmcts.formats.files.reading import read_bytes
 from decmcts.planning.events import Heads
 from decmcts.print.figures import clock_time
 
-FORMAT = "decmcts-record/1"
+FORMAT = "decmcts-record/2"
 BEGINS = json.dumps({"format": FORMAT})[:-1]
 LONGEST_S = 31 * 86400.0  # a launch searches 30 days at the most
 PAUSE_S = 10.0  # the longest that is waited for the next state: a launch shows one each second
-MOST_HEADS, MOST_COUNTED, MOST_LETTERS = 2**10, 2**53, 200
+MOST_LETTERS = 200
+COLUMNS = ("head", "phase", "s", "rounds", "best", "÷ bound", "entropy", "sent", "KiB", "heard",
+           "KiB")  # fmt: skip
+Cells = list[str]  # one for each of these
 Keep = Callable[[Heads], None]
-State = tuple[float, tuple[AgentStatus, ...]]  # seconds since the first, and all agents
+State = tuple[float, list[Cells]]  # seconds since the first, and all agents
 
 
-def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
-    """Return the table of what each head does, with its best makespan over a bound above 0."""
+def cells_of(agent: AgentStatus, bound_s: float) -> Cells:
+    """Return what is shown of an agent, over a bound above 0."""
+    a, best_s = agent, agent.best_makespan_s
+    has_best = math.isfinite(best_s)  # else it knows no joint plan yet
+    return [
+        a.name, a.phase, f"{a.elapsed_s:.0f}", str(a.rounds),
+        clock_time(best_s) if has_best else "",
+        f"{best_s / bound_s:.3f}" if bound_s > 0.0 and has_best else "",
+        f"{a.entropy:.2f}",
+        str(sum(a.sent.values())), f"{sum(a.sent_bytes.values()) / 1024:,.0f}",
+        str(sum(a.received.values())), f"{sum(a.received_bytes.values()) / 1024:,.0f}",
+    ]  # fmt: skip
+
+
+def table_of(rows: Sequence[Cells], bound_s: float) -> Table:
+    """Return the table of what each head does."""
     bound = clock_time(bound_s) if bound_s > 0.0 else "not known yet"
     title = f"heads; best: print time of the joint plan; bound {bound}"
     table = Table(title=title, title_justify="left", box=SIMPLE, show_edge=False, padding=0)
-    names = ("head", "phase", "s", "rounds", "best", "÷ bound", "entropy", "sent", "KiB",
-             "heard", "KiB")  # fmt: skip
-    for name in names:
+    for name in COLUMNS:
         table.add_column(name, justify="left" if name in ("head", "phase") else "right")
-    for a in agents:
-        has_best = math.isfinite(a.best_makespan_s)  # else it knows no joint plan yet
-        sent, received = sum(a.sent_bytes.values()), sum(a.received_bytes.values())
-        table.add_row(
-            a.name,
-            a.phase,
-            f"{a.elapsed_s:.0f}",
-            str(a.rounds),
-            clock_time(a.best_makespan_s) if has_best else "",
-            f"{a.best_makespan_s / bound_s:.3f}" if bound_s > 0.0 and has_best else "",
-            f"{a.entropy:.2f}",
-            str(sum(a.sent.values())),
-            f"{sent / 1024:,.0f}",
-            str(sum(a.received.values())),
-            f"{received / 1024:,.0f}",
-        )
+    for row in rows:
+        table.add_row(*row)
     return table
 
 
 def heads_table(heads: Heads) -> Table:
     """Return the table of an event."""
-    return agents_table(heads.agents, heads.bound_s)
+    return table_of([cells_of(agent, heads.bound_s) for agent in heads.agents], heads.bound_s)
 
 
 @contextmanager
@@ -93,8 +93,8 @@ def recording(path: Path | None) -> Iterator[Keep]:
                 file, started = path.open("w", encoding="utf-8", buffering=1), time.monotonic()
                 file.write(json.dumps({"format": FORMAT, "bound_s": heads.bound_s}) + "\n")
             if heads.agents:
-                states = [{**asdict(agent), "history": ()} for agent in heads.agents]
-                state = {"at_s": round(time.monotonic() - started, 3), "agents": states}
+                rows = [cells_of(agent, heads.bound_s) for agent in heads.agents]
+                state = {"at_s": round(time.monotonic() - started, 3), "heads": rows}
                 file.write(json.dumps(state) + "\n")
         except OSError as error:
             lost = True
@@ -148,46 +148,13 @@ def _refused_at(path: Path, line: int) -> Iterator[None]:
 def _state(given: Fields, before: list[State]) -> State:
     """Return one state: times do not fall, and none is beyond the longest search."""
     least = before[-1][0] if before else 0.0
-    at_s = given.number("at_s", least=least, most=LONGEST_S)
-    return at_s, tuple(_agent(table) for table in given.tables("agents"))
-
-
-def _agent(given: Fields) -> AgentStatus:
-    """Return what one agent did, as far as it is shown."""
-    return AgentStatus(
-        head=given.integer("head", least=0, below=MOST_HEADS),
-        name=_words(given, "name"),
-        phase=_words(given, "phase"),
-        rounds=given.integer("rounds", least=0, below=MOST_COUNTED),
-        best_makespan_s=_seconds(given, "best_makespan_s"),
-        elapsed_s=_seconds(given, "elapsed_s"),
-        entropy=given.number("entropy"),
-        sent=_counts(given, "sent"),
-        sent_bytes=_counts(given, "sent_bytes"),
-        received=_counts(given, "received"),
-        received_bytes=_counts(given, "received_bytes"),
-    )
-
-
-def _words(given: Fields, key: str) -> str:
-    """Return a text that fits a table."""
-    text = given.text(key)
-    if len(text) > MOST_LETTERS:
-        given.fail(key, f"has {len(text)} letters, at most {MOST_LETTERS} are shown")
-    return text
-
-
-def _seconds(given: Fields, key: str) -> float:
-    """Return a time, which is infinite as long as there is none."""
-    if given.values.get(key) == math.inf:
-        return math.inf
-    return given.number(key, least=0.0)
-
-
-def _counts(given: Fields, key: str) -> dict[str, int]:
-    """Return how many there were of each kind."""
-    table = given.table(key)
-    return {str(kind): table.integer(kind, least=0, below=MOST_COUNTED) for kind in table.values}
+    at_s, rows = given.number("at_s", least=least, most=LONGEST_S), given.items("heads")
+    for row in rows:
+        if not isinstance(row, list) or list(map(type, row)) != [str] * len(COLUMNS):
+            given.fail("heads", f"expected rows of {len(COLUMNS)} texts, found {shown(row)}")
+        if any(len(text) > MOST_LETTERS for text in row):
+            given.fail("heads", f"more than {MOST_LETTERS} letters are in one text")
+    return at_s, rows
 
 
 @app.command()
@@ -201,8 +168,8 @@ def replay(
         raise InputError("holds no state: the launch ended before its agents began", path=source)
     due_s, before_s, begun = 0.0, 0.0, time.monotonic()
     with Live(console=err, transient=True, refresh_per_second=8) as live:
-        for at_s, agents in states:
+        for at_s, rows in states:
             due_s, before_s = due_s + min((at_s - before_s) / speed, PAUSE_S), at_s
             time.sleep(max(0.0, due_s - (time.monotonic() - begun)))
-            live.update(agents_table(agents, bound_s))
-    out.print(agents_table(states[-1][1], bound_s))
+            live.update(table_of(rows, bound_s))
+    out.print(table_of(states[-1][1], bound_s))

@@ -250,7 +250,6 @@ def figures(result: RunResult) -> dict[str, Any]:
         "planned_s": result.planned_s,
         "contours": result.contours,
         "unprinted": result.unprinted,
-        "beads_mm": result.printed_mm,
         "plans": len(result.prints),
         "failures": [
             {

@@ -1,24 +1,20 @@
-"""Compiling in a process beside a run, and reporting what this process compiles itself.
+"""Compiling in processes beside this one, and reporting what this process compiles itself.
 
 See docs/adr/0007-compiled-at-first-use.md.
-
-Two processes that compile everything between them.
 """
 
 from __future__ import annotations
 
-import queue
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 
 from decmcts.jit import Store
 from decmcts.jit.kernel import reported_to
 from decmcts.jit.store import cache_home, remove_unused
-from decmcts.planning.compiling.parts import FOLDERS, how_far, is_compiled, kernels_made
+from decmcts.planning.compiling.parts import FOLDERS, how_far, is_compiled
 from decmcts.planning.events import Event, Note, Report, Step
 
 StartChild = Callable[[Sequence[str]], "subprocess.Popen[bytes]"]
@@ -82,7 +78,7 @@ def finish_beside(part: str, report: Report) -> None:
     while compiled_beside(part) and not is_compiled(part) and _children[-1].poll() is None:
         if time.monotonic() - reported_at >= EVERY_S:
             reported_at = time.monotonic()
-            report(Step(f"compiling {part}, once on this machine; {how_far(kernels_made())}"))
+            report(Step(f"compiling {part}, once on this machine; {how_far()}"))
         time.sleep(POLL_S)
 
 
@@ -114,8 +110,7 @@ def compilation_reported(report: Report) -> Iterator[Report]:
         now = time.monotonic()
         if now - reported_at >= EVERY_S:
             reported_at = now
-            made = how_far(kernels_made())
-            report(Step(f"{step}: compiling {name}, once on this machine; {made}"))
+            report(Step(f"{step}: compiling {name}, once on this machine; {how_far()}"))
 
     with reported_to(compiles):
         yield passed_on
@@ -134,42 +129,20 @@ def report_if_unwritable(report: Report) -> None:
     )
 
 
-WORKERS = 2
-
-
 def made(missing: Sequence[str]) -> Iterator[str]:
-    """Yield each part as it is done; one process begins at the front, the other at the end."""
+    """Yield each part as it is done; one process begins at the front, another at the end."""
     if not missing:
         return
-    lines: queue.Queue[str | None] = queue.Queue()
-    with ExitStack() as stack:
-        for worker in range(WORKERS):
-            order = missing if worker == 0 else missing[::-1]
-            command = [sys.executable, "-P", "-m", "decmcts.planning.warm", *order]
-            child = stack.enter_context(
-                subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-            )
-            stack.callback(child.kill)
-            threading.Thread(target=_pass_on, args=(child, lines), daemon=True).start()
-        yield from _each_once(lines)
-
-
-def _pass_on(child: subprocess.Popen[str], lines: queue.Queue[str | None]) -> None:
-    """Put each line a child prints into the queue, and None when it has ended."""
-    assert child.stdout is not None
-    for line in child.stdout:
-        lines.put(line.strip())
-    lines.put(None)
-
-
-def _each_once(lines: queue.Queue[str | None]) -> Iterator[str]:
-    """Yield each part the first time a worker names it, until all workers have ended."""
-    seen: set[str] = set()
-    ended = 0
-    while ended < WORKERS:
-        part = lines.get()
-        if part is None:
-            ended += 1
-        elif part not in seen:
-            seen.add(part)
-            yield part
+    left = list(missing)
+    with start_compiling(left) as one, start_compiling(left[::-1]) as other:
+        try:
+            while left:
+                ended = one.poll() is not None and other.poll() is not None
+                yield from (done := [part for part in left if is_compiled(part)])
+                left = [part for part in left if part not in done]
+                if ended:
+                    return
+                time.sleep(POLL_S)
+        finally:
+            one.kill()
+            other.kill()

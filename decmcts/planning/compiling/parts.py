@@ -114,16 +114,10 @@ def _mark(part: str) -> str:
     return "|".join((part, FOLDERS[1].name, *compiler_and_processor()))
 
 
-def kernels_made() -> int:
-    """Return how many kernels of this version there is machine code for."""
-    folders = [*FOLDERS, *([spill] if (spill := temporary_folder()) else [])]
-    return sum(
-        not path.name.startswith(MARK) for folder in folders for path in folder.glob("*.code")
-    )
-
-
-def how_far(made: int) -> str:
+def how_far() -> str:
     """Return in words how many kernels are compiled, of about how many for a first run."""
+    folders = [*FOLDERS, *([spill] if (spill := temporary_folder()) else [])]
+    made = sum(not one.name.startswith(MARK) for each in folders for one in each.glob("*.code"))
     first = f" of about {FIRST_RUN_KERNELS}" if made < FIRST_RUN_KERNELS else ""
     return f"{made}{first} done"
 

@@ -14,11 +14,10 @@ import numpy as np
 
 from agents.running.report import Reached
 from decmcts.print.brief import brief
-from decmcts.print.loops import as_printed
 from decmcts.print.machine import Machine, Point
-from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
+from decmcts.print.plan import ACTION_END, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
-from decmcts.print.print_state import HeadState, nearest_on_segment, rest_of_line
+from decmcts.print.print_state import HeadState, nearest_on_segment
 from sim.arrays import Floats
 from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
@@ -140,39 +139,6 @@ class Carried:
         path = actions.action_path(action)[0] if action < len(actions) else actions.path[-1]
         x, y, z = path.tolist()
         return x, y, z
-
-    def printed_mm(self) -> float:
-        """Return the length of all that is printed of this plan, broken beads up to their break."""
-        contours, length = self.document.contours, 0.0
-        for c, share in self.printed():
-            rows = slice(int(contours.offsets[c]), int(contours.offsets[c + 1]))
-            steps = np.linalg.norm(np.diff(contours.points[rows], axis=0), axis=1)
-            length += share * float(steps[contours.extrusion[rows][1:] > 0.0].sum())
-        return length
-
-    def printed(self) -> list[tuple[int, float]]:
-        """Return the contours that are printed, and of each which share of all it lays down."""
-        found = list[tuple[int, float]]()
-        for place, head in enumerate(self.heads):
-            actions, state = self.document.plan.heads[place], self.state(head)
-            rows = actions.kind[: state.ended] == ActionKind.PRINT
-            found += [(c, 1.0) for c in actions.contour[: state.ended][rows].tolist()]
-            k = state.ended
-            if state.begun and state.is_exact and k < len(actions) and actions.contour[k] >= 0:
-                found.append((int(actions.contour[k]), self._share(actions, k, state)))
-        return found
-
-    def _share(self, actions: HeadActions, k: int, state: HeadState) -> float:
-        """Return which share of what an action lays down is laid, where its head has stopped."""
-        run = as_printed(
-            self.document.contours, int(actions.contour[k]), int(actions.entry[k]),
-            reverse=bool(actions.reversed[k]),
-        )  # fmt: skip
-        steps = np.linalg.norm(np.diff(run.points, axis=0), axis=1) * (run.extrusion[1:] > 0.0)
-        assert state.at is not None  # it is exact
-        point, share = rest_of_line(run.points, state.point, state.at)
-        done = steps[:point].sum() + share * steps[point : point + 1].sum()
-        return float(done / max(steps.sum(), LEAST_MM))
 
 
 Keep = Callable[[Sequence[Carried]], None]

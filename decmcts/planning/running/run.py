@@ -81,11 +81,6 @@ class RunResult:
         return self.unprinted == 0 and self.contacts == 0 and not self.left
 
     @property
-    def printed_mm(self) -> float:
-        """Length of all that is printed, mm."""
-        return sum(carried.printed_mm() for carried in self.plans if carried.is_print)
-
-    @property
     def prints(self) -> list[Carried]:
         """The plans that print and that heads began."""
         return prints_of(self.plans)

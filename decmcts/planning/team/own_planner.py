@@ -54,6 +54,4 @@ def planned_by(
     )  # fmt: skip
     if on_progress is not None:
         on_progress(agents)
-    return LaunchResult(
-        Agreement({}, found.makespan_s, "", live, agents), found.toolpaths, problem.digest
-    )
+    return LaunchResult(Agreement({}, found.makespan_s, "", live, agents), found.toolpaths)

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from agents.launching.status import AgentStatus
 from decmcts.cli.app import app
 from decmcts.cli.commands import replay
-from decmcts.cli.commands.replay import agents_table, read_record, recording
+from decmcts.cli.commands.replay import heads_table, read_record, recording
 from decmcts.errors import InputError
 from decmcts.planning.events import Heads
 
@@ -29,8 +29,9 @@ def test_a_recording_comes_back(tmp_path: Path) -> None:
         keep(Heads((LEFT,), 100.0))
         keep(Heads((LEFT, LEFT), 100.0))
     bound_s, states = read_record(path)
-    assert bound_s == 100.0 and [len(agents) for _, agents in states] == [1, 2]
-    assert (states[0][1][0].name, states[0][1][0].entropy) == ("left", 0.4)
+    assert bound_s == 100.0 and [len(rows) for _, rows in states] == [1, 2]
+    row = ["left", "planning", "2", "3", "0:02:00", "1.200", "0.40", "2", "0", "0", "0"]
+    assert states[0][1] == [row]
 
 
 def test_replay_shows_the_last_state(tmp_path: Path) -> None:
@@ -50,7 +51,7 @@ def test_the_table_fits_a_plain_terminal() -> None:
         received_bytes={"Joint": 19_305_014}, entropy=0.4,
     )  # fmt: skip
     console = Console(width=80, record=True, file=StringIO())
-    console.print(agents_table((long,), 100_000.0))
+    console.print(heads_table(Heads((long,), 100_000.0)))
     shown = console.export_text()
     assert "…" not in shown
     for word in ("right-back", "planning", "3600", "33:08:09", "1.193", "heard", "18,853"):
@@ -66,7 +67,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, text: str) -> None:
         read_record(path)
 
 
-@pytest.mark.parametrize("cut", [40, 60, 400, -2])
+@pytest.mark.parametrize("cut", [40, 60, 100, -2])
 def test_a_recording_that_was_cut_off_is_damaged(tmp_path: Path, cut: int) -> None:
     """Wherever it was; it was called none where it was cut near its beginning."""
     path = tmp_path / "launch.jsonl"
@@ -83,22 +84,19 @@ def test_a_recording_that_was_cut_off_is_damaged(tmp_path: Path, cut: int) -> No
 @pytest.mark.parametrize(
     ("said", "instead"),
     [
-        ('"entropy": 0.4', '"entropy": "x"'),
-        ('"best_makespan_s": 120.0', '"best_makespan_s": null'),
-        ('"best_makespan_s": 120.0', '"best_makespan_s": ' + "9" * 400),
-        ('"sent": {', '"sent": {"hello": null, '),
+        ('"0.40", ', ""),
+        ('"0.40"', "0.40"),
+        ('"0.40"', "null"),
         ('"at_s": ', '"at_s": Infinity, "was": '),
-        ('"agents": [', '"agents": [3, '),
+        ('"heads": [', '"heads": [3, '),
         ('"at_s": ', '"at_s": 1e300, "was": '),
         ('"at_s": ', '"at_s": 1e9, "was": '),
         ('"at_s": ', '"at_s": NaN, "was": '),
         ('"at_s": ', '"at_s": -1, "was": '),
         ('"at_s": ', '"at_s": "1", "was": '),
-        ('"phase": "planning"', '"phase": ["x"]'),
-        ('"name": "left"', '"name": null'),
-        ('"name": "left"', '"name": "' + "left" * 100 + '"'),
-        ('"rounds": 3', '"rounds": 1e999'),
-        ('"rounds": 3', '"round": 3'),
+        ('"planning"', '["x"]'),
+        ('"left"', '"' + "left" * 100 + '"'),
+        ('"heads"', '"head"'),
     ],
 )
 def test_a_recording_whose_figures_are_none_is_damaged(
@@ -157,5 +155,5 @@ def test_no_share_of_the_bound_where_there_is_no_plan_yet() -> None:
     """The column said `inf`."""
     searching = replace(LEFT, best_makespan_s=math.inf)
     console = Console(width=80, record=True, file=StringIO())
-    console.print(agents_table((searching,), 100.0))
+    console.print(heads_table(Heads((searching,), 100.0)))
     assert "inf" not in console.export_text()

@@ -66,6 +66,13 @@ def test_a_child_that_dies_is_not_waited_for(fresh: Path) -> None:
     assert not parts.is_compiled(PART)
 
 
+def test_each_part_is_named_once_when_it_is_done(fresh: Path) -> None:
+    """Two processes compile them, of which each may come to a part that the other has."""
+    other = "slicer for time"
+    assert sorted(child.made([PART, other])) == sorted([PART, other])
+    assert list(child.made([])) == []
+
+
 def test_nothing_is_started_when_all_is_compiled(fresh: Path) -> None:
     """A second process costs a second of start-up each time."""
     parts.mark_compiled(PART)

@@ -26,6 +26,7 @@ from decmcts.planning.running.team import Team
 from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
+from tests.makers.printed import printed
 from tests.planning.replanning.conftest import Made
 
 LEFT, RIGHT = 0, 1
@@ -264,7 +265,7 @@ def test_a_bead_is_finished_from_where_a_person_saw_its_head_stop(
     state = carried.state(RIGHT)
     assert state.is_exact and state.at is not None
     assert np.linalg.norm(np.subtract(state.at, stopped)) <= 0.11
-    assert 0.0 < carried.printed()[-1][1] < 1.0
+    assert 0.0 < printed(carried)[-1][1] < 1.0
     failure = desk.team.failures[0]
     park = made.document.machine.heads[RIGHT].park
     assert failure.at == (park if place else pytest.approx(stopped))

@@ -7,6 +7,7 @@ import pytest
 
 from decmcts.planning.running.recorded import Carried, course_of
 from decmcts.print.plan import ActionKind
+from tests.makers.printed import printed
 from tests.planning.replanning.conftest import Made, log_until
 
 
@@ -25,7 +26,7 @@ def test_hops_of_a_piece_that_was_broken_off_are_not_printed(cut: Made, reverse:
     carried = Carried(0, cut.document, (0, 1), is_print=True)
     for event in log_until(cut.document, time_s, failed=head).events:
         carried.take(event.head, event)
-    (share,) = [share for _, share in carried.printed() if share < 1.0]
+    (share,) = [share for _, share in printed(carried) if share < 1.0]
     piece, path = int(actions.contour[action]), actions.action_path(action)
     rows = slice(int(contours.offsets[piece]), int(contours.offsets[piece + 1]))
     steps = np.linalg.norm(np.diff(contours.points[rows], axis=0), axis=1)

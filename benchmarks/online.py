@@ -1,4 +1,8 @@
-"""`online`: something changes while a print is carried out, and what is left is planned anew.
+"""Something changes while a print is carried out, and what is left is planned anew.
+
+    python benchmarks/online.py --seeds 0,1,2,3,4,5,6,7,8,9
+
+Writes `online.csv` and `online.png` and prints tables, of which docs/results/online.md is made.
 
 A joint plan is carried out up to a moment. There a head fails and is fenced at its park, or it is
 noticed that a head takes longer than planned, from the beginning on. The other heads end what they
@@ -6,10 +10,8 @@ are at and go to their parks. What is left is planned from this one state in sev
 search, by a search a head (decentral), and by one search for all (central). All searches get equal
 processor time. What planning takes is not in the print time.
 
-*Retimed* is the old order with the old shares, and new times (`retimed.py`). *Going on* is the old
+*Retimed* is the old order with the old shares, and new times. *Going on* is the old
 plan where nobody stops for planning.
-
-An old joint order for what is left of its print: no search, but somebody must take over.
 
 What a head leaves that prints no more goes to others in four simple ways, of which the soonest
 counts: to the one that parks nearest, or part by part to the one that has the least to do; at its
@@ -19,44 +21,48 @@ than the print did: then contours come as soon as they may.
 
 from __future__ import annotations
 
+import argparse
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from common import Rows, arguments, grouped, markdown, run_missing, spread
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from team_baselines import policies
 
-from decmcts.errors import InputError
-from decmcts.experiments.baselines import one_tree, policies
+from decmcts.errors import InputError, VerificationError
+from decmcts.experiments.decentral_or_central import by_one_tree
 from decmcts.experiments.kinds import (
-    Asked,
-    Experiment,
+    DPI,
     Key,
     Line,
     Row,
-    Sizes,
     boxes,
     column,
     figure,
-    grouped,
-    markdown,
-    spread,
     stopping_of,
 )
-from decmcts.experiments.prints import is_own, shown
-from decmcts.experiments.stopped import ended_by, log_until, with_late_head
-from decmcts.experiments.teams import Given, bound_s, exact, given, given_by, in_one_process
-from decmcts.experiments.two_heads import machine_for
-from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.experiments.loss_and_failure import log_until
+from decmcts.experiments.prints import shown
+from decmcts.experiments.teams import (
+    Given,
+    bound_s,
+    exact,
+    given,
+    given_by,
+    in_one_process,
+    machine_for,
+)
 from decmcts.planning.options import Cut, Rules
 from decmcts.planning.replanning.replan import Rest, rest_of, rest_problem
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.print.plan import PlanDocument
-from decmcts.print.print_state import PrintState, state_of_events, state_of_heads
+from decmcts.print.print_state import HeadState, PrintState, state_of_events, state_of_heads
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.warm_up import compile_rounds
@@ -66,9 +72,15 @@ from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import Resolved, resolve
 from decmcts.team.engine.sweep_kernels import not_before
 from decmcts.team.incumbent import Budget
+from decmcts.version import __version__
+from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.from_plan import programs_of_plan
+from sim.controllers.motion import profile_of
+from sim.controllers.program import HeadProgram
 from sim.controllers.simulate import simulate
+from sim.controllers.timing import no_error
 
+KEY = ("print", "heads", "event", "moment", "seconds", "iterations", "seed", "version")
 BED_MM = 500.0
 MADE = (("row-4-20-20", 2), ("strewn-9-12-3", 2), ("row-6-20-20", 3))
 FULL = (*MADE, ("row-3-60-10", 2), ("row-9-15-10", 3), ("grid-3-12-12", 3))
@@ -96,15 +108,28 @@ class StoppedPrint:
     going_on_s: float  # print time by the old plan; 0: a head is fenced
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
-    own = [(name, heads) for name in asked.prints for heads in (2, 3)]
-    for name, heads in own or (FULL if asked.full else MADE):
+def keys_of(options: argparse.Namespace) -> Iterator[Key]:
+    """Yield the runs of made prints, for two heads and more where they are named."""
+    named = [(name, heads) for name in options.models for heads in (2, 3)]
+    for name, heads in named or (FULL if options.full else MADE):
         for event in (FENCED, *SLOWER)[heads < 3 :]:  # one head alone needs no team
-            for moment in ALL_MOMENTS if asked.full else MOMENTS:
-                yield {"print": name, "heads": heads, "event": event, "moment": moment}
+            for moment in ALL_MOMENTS if options.full else MOMENTS:
+                for seed in options.seeds:
+                    yield dict(zip(KEY, (name, heads, event, moment, options.time_limit, 0, seed,
+                                         __version__), strict=True))  # fmt: skip
 
 
-def _run(key: Key) -> Row:
+def run(key: Key) -> Row:
+    """Carry a print out up to the moment, and plan the rest in all ways."""
+    began = time.process_time()
+    try:
+        found, error = _planned_anew(key), ""
+    except (InputError, VerificationError) as refused:
+        found, error = {}, " ".join(str(refused).split())
+    return {**key, **found, "cpu_s": round(time.process_time() - began, 2), "error": error}
+
+
+def _planned_anew(key: Key) -> Row:
     compile_rounds()
     stopped = _stopped(key)
     what = given_by(rest_problem(stopped.rest, Rules()))
@@ -132,8 +157,7 @@ def _ways(
     what: Given, stopped: StoppedPrint, key: Key
 ) -> dict[str, Callable[[], tuple[Toolpath, ...]]]:
     """Return what plans the rest, by name, after each has run once: kernels are loaded then."""
-    seed, budget = int(key["seed"]), Budget(stopping_of(key))
-    first, once = Budget(Stopping(iterations=TUNED)), Budget(Stopping(iterations=1))
+    seed, stopping, once = int(key["seed"]), stopping_of(key), Stopping(iterations=1)
     long = stopping_of({**key, **{n: LONG * key[n] for n in ("seconds", "iterations")}})
     team = what.team
     old = _old(stopped, team)
@@ -141,35 +165,33 @@ def _ways(
     resumed = build_team_problem(team.job, team.machine, team.graph, what.lags, start)
     for problem in (team, resumed):
         in_one_process(problem, once, seed=0)
+    first = Budget(Stopping(iterations=TUNED))
     return {
         RETIMED: lambda: retimed(team, old)[1].toolpaths,
-        "greedy": lambda: policies.plan(team, first, seed=seed).toolpaths,
-        "central": lambda: one_tree.plan(team, budget, seed=seed).toolpaths,
-        "decentral": lambda: in_one_process(team, budget, seed=seed).toolpaths,
-        "resumed": lambda: in_one_process(resumed, budget, seed=seed).toolpaths,
-        "long": lambda: in_one_process(resumed, Budget(long), seed=seed).toolpaths,
+        "greedy": lambda: policies(team, first, seed=seed).toolpaths,
+        "central": lambda: by_one_tree(team, stopping, seed=seed),
+        "decentral": lambda: in_one_process(team, stopping, seed=seed),
+        "resumed": lambda: in_one_process(resumed, stopping, seed=seed),
+        "long": lambda: in_one_process(resumed, long, seed=seed),
     }
 
 
 @lru_cache(maxsize=32)
-def _begun(
-    name: str, folder: str, heads: int, seed: int
-) -> tuple[Given, PlanDocument, StatedOrder]:
-    """Return a print, the plan it is begun by, and that plan's order; runs of a process share it.
+def _begun(name: str, heads: int, seed: int) -> tuple[Given, PlanDocument, StatedOrder]:
+    """Return a print, the plan it is begun by, and that plan's order.
 
     It depends on rounds, not on time, so that it is the same in every process.
     """
-    key = {"print": name, "folder": folder}
+    key = {"print": name}
     machine, middle = machine_for(key, heads, BED_MM)
     what = given(key, machine, Cut.NONE, middle=middle)
-    found = in_one_process(what.team, Budget(Stopping(iterations=ROUNDS)), seed=seed)
-    return what, exact(what, found.toolpaths), StatedOrder.of(found.toolpaths)
+    toolpaths = in_one_process(what.team, Stopping(iterations=ROUNDS), seed=seed)
+    return what, exact(what, toolpaths), StatedOrder.of(toolpaths)
 
 
 def _stopped(key: Key) -> StoppedPrint:
     """Carry a plan out up to the moment, and return what is left of it."""
-    folder = key["folder"] if is_own(key) else ""
-    what, document, old = _begun(key["print"], folder, int(key["heads"]), int(key["seed"]))
+    what, document, old = _begun(key["print"], int(key["heads"]), int(key["seed"]))
     programs, now = programs_of_plan(document), float(key["moment"]) * document.plan.makespan_s
     victim, is_fenced = document.machine.heads[VICTIM], key["event"] == FENCED
     slower = 1.0 if is_fenced else float(key["event"])
@@ -215,7 +237,7 @@ def _over(row: Line, name: str, base: str) -> str:
     return str(float(row[f"{name}_s"]) / least) if least else ""
 
 
-def _tables(rows: Sequence[Line]) -> str:
+def tables(rows: Sequence[Line]) -> str:
     lines = [
         [heads, event, way, str(len(mine)), spread(column(mine, "over_best"), 3),
          spread(column(mine, "over_retimed"), 3),
@@ -239,7 +261,7 @@ def _tables(rows: Sequence[Line]) -> str:
     return text + markdown(lines, ["print", "heads", "what happens", "at", "runs", *ways])
 
 
-def _draw(rows: Sequence[Line]) -> Figure:
+def draw(rows: Sequence[Line]) -> Figure:
     settings = grouped(_lines(rows), "heads", "event")
     made, axes = figure(max(1, len(settings)), width=3.6, height=4.8)
     for axis, ((heads, event), mine) in zip(axes, sorted(settings.items()), strict=False):
@@ -249,14 +271,6 @@ def _draw(rows: Sequence[Line]) -> Figure:
         happens = "one is fenced" if event == FENCED else f"one late: × {event}"
         axis.set(ylabel="print time ÷ retimed", title=f"{heads} heads, {happens}")
     return made
-
-
-ONLINE = Experiment(
-    "online",
-    "A head fails or is late while it prints: is it worth to search again, and for whom?",
-    ("print", "heads", "event", "moment"), _runs, _run, _tables, _draw,
-    Sizes(1.0, 1.0), Sizes(1, 10), (PRINT, TEAM),
-)  # fmt: skip
 
 
 Ints = NDArray[np.int64]
@@ -327,3 +341,47 @@ def _give(team: TeamProblem, head: Ints, order: NDArray[np.int32], *, balanced: 
         for c in rows[team.part[rows] == part].tolist():
             head[c] = next(r for r in first if eligible[c, r])
             work[head[c]] += float(seconds[head[c], c])
+
+
+def with_late_head(
+    document: PlanDocument, programs: tuple[HeadProgram, ...], late: int, slower: float
+) -> Run:
+    """Carry a plan out while one head takes so many times as long."""
+    errors = [no_error(program) for program in programs]
+    errors[late] = replace(errors[late], factor=errors[late].factor * slower)
+    seconds = [profile_of(program).seconds for program in programs]
+    return carry_out(programs, seconds, errors, document.machine.rest_s)
+
+
+def ended_by(
+    document: PlanDocument, programs: tuple[HeadProgram, ...], run: Run, now: float,
+    gone: Collection[int] = (),
+) -> tuple[list[HeadState], float]:  # fmt: skip
+    """Return how far heads are once each has ended what it began before now, and when that is.
+
+    Nobody waits for those that are `gone`.
+    """
+    heads, until = list[HeadState](), now
+    for h, (program, what) in enumerate(zip(programs, run.heads, strict=True)):
+        begun = program.action[what.begin < now]
+        count = int(begun[-1]) + 1 if len(begun) else 0
+        if h not in gone:
+            until = max(until, float(what.end[program.action < count].max(initial=0.0)))
+        heads.append(HeadState(document.plan.heads[h].head, count))
+    return heads, until
+
+
+def main() -> None:
+    parser = arguments(__doc__, time_limit=1.0, models="")
+    parser.add_argument("--full", action="store_true", help="more prints, and a third moment")
+    options = parser.parse_args()
+    rows = Rows(options.results / "online.csv", KEY)
+    if not options.table_only:
+        run_missing(rows, keys_of(options), run)
+    rows.read()
+    print(tables(rows.rows) + rows.failures())
+    draw(rows.rows).savefig(options.results / "online.png", dpi=DPI)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,12 +1,14 @@
-"""Simulated annealing of the joint order, in one process.
+"""Other planners for several heads, in one process: what benchmarks compare Dec-MCTS with.
 
-The joint order says of every contour which head prints it, from which end and at which
-turn among all. It begins as the best of 128 policies, or as the order heads begin with. A
-move takes a run of one head's contours and gives it to another head, or another turn that
-precedence allows, or both; every order is evaluated in full by the engine.
+*Policies*: list scheduling without plans of heads, by the best of the planner's own policies, then
+by random ones like them. *Annealing*, of the joint order: it says of every contour which head
+prints it, from which end and at which turn among all. It begins as the best of 128 policies, or as
+the order heads begin with. A move takes a run of one head's contours and gives it to another head,
+or another turn that precedence allows, or both; every order is evaluated in full by the engine.
 
 References
 ----------
+Graham 1966, "Bounds for certain multiprocessing anomalies", Bell System Technical Journal 45(9).
 Kirkpatrick, Gelatt & Vecchi 1983, "Optimization by simulated annealing", Science
 220(4598), 671-680.
 """
@@ -19,21 +21,82 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.experiments.baselines.policies import dispatched, nth_weights
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.dec_mcts.planner import ENOUGH, FAR
+from decmcts.team.engine.dispatch_kernels import URGENCY, dispatch
 from decmcts.team.engine.joint_kernels import Units
-from decmcts.team.engine.order import units_of
-from decmcts.team.engine.plans import StatedOrder
+from decmcts.team.engine.order import refuse, units_of
+from decmcts.team.engine.plans import POLICIES, STEP, StatedOrder
+from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.incumbent import Budget, Found, JointIncumbent, stated_of
+from decmcts.team.incumbent import Budget, Found, TeamIncumbent
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
 FIRST = 128  # policies tried at first
 LONGEST = 0.1  # run of contours, share of a head's
+SPREAD = 0.5  # of the logarithm of a random policy's weights, standard deviation
 
+Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
+
+
+class Placed(TeamIncumbent):
+    """The best joint order so far, of orders as the engine places them."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the budget is spent."""
+        return self.orders > 0 and self._budget.stopping.ends(self.seconds, self.orders)
+
+    @property
+    def share(self) -> float:
+        """Share of the budget that is spent, 0..1."""
+        return min(1.0, self._budget.stopping.spent(self.seconds, self.orders))
+
+    def offer(self, units: Units) -> float:
+        """Keep the order that units were placed in if it is the best; returns its makespan."""
+        makespan = float(units.end[: int(units.used[0])].max(initial=0.0))
+        is_better = makespan < self.makespan_s
+        heads = len(self.problem.machine.heads)
+        paths = stated_of(units).toolpaths(heads) if is_better else ()
+        self.offer_toolpaths(paths, makespan)
+        return makespan
+
+
+def stated_of(units: Units) -> StatedOrder:
+    """Return the joint order in which units were placed."""
+    used = int(units.used[0])
+    row = np.flatnonzero(units.contour[:used] >= 0)
+    head = units.head[row].astype(np.int64)
+    return StatedOrder(units.contour[row].astype(np.int32), units.reversed[row], head)
+
+
+def dispatched(problem: TeamProblem, weights: Floats) -> Units:
+    """Dispatch by these weights, (heads, 6)."""
+    policy = policy_of(problem, weights, keys_of(problem, weights), problem.space.eligible)
+    units, verdict = dispatch(problem.visits, problem.fleet, policy)
+    refuse(verdict, problem.machine)
+    return units
+
+
+def nth_weights(k: int, heads: int, rng: np.random.Generator) -> Floats:
+    """Return row k of `POLICIES` for all heads; after the last, one of them with random changes."""
+    if k < len(POLICIES):
+        return np.repeat(POLICIES[k][None], heads, axis=0)
+    row = POLICIES[int(rng.integers(len(POLICIES)))].copy()
+    row[: STEP + 1] *= np.exp(rng.normal(0.0, SPREAD, STEP + 1))
+    row[URGENCY] = rng.uniform()
+    return np.repeat(row[None], heads, axis=0)
+
+
+def policies(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
+    """Return the best of all policies; what time is left goes to random ones like them."""
+    rng, heads = np.random.default_rng(seed), len(problem.machine.heads)
+    best = Placed(problem, budget)
+    while not best.ended:
+        best.offer(dispatched(problem, nth_weights(best.orders, heads, rng)))
+    return best.found
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +204,10 @@ class RandomMoves:
         return is_reversed
 
 
-def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
+def annealing(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     """Anneal until the time is over; returns the best order that was met."""
     rng, heads = np.random.default_rng(seed), len(problem.machine.heads)
-    best, moves = JointIncumbent(budget, heads), RandomMoves(problem, rng)
+    best, moves = Placed(problem, budget), RandomMoves(problem, rng)
     now, value = _first(problem, best, rng)
     while not best.ended:
         tried = moves.changed(now)
@@ -157,9 +220,7 @@ def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     return best.found
 
 
-def _first(
-    problem: TeamProblem, best: JointIncumbent, rng: np.random.Generator
-) -> tuple[Order, float]:
+def _first(problem: TeamProblem, best: Placed, rng: np.random.Generator) -> tuple[Order, float]:
     """Return the best order of the first policies and its makespan, or the one to begin with.
 
     Where that is far ahead of a few policies no more are tried, as in Dec-MCTS.

@@ -1,10 +1,19 @@
-"""Old orders carried out by those that are left."""
+"""Old orders carried out by those that are left, and what is planned anew."""
 
 from __future__ import annotations
 
-import numpy as np
+import csv
+import sys
+from pathlib import Path
 
-from decmcts.experiments.online import Old, retimed
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
+import online
+from online import Old, retimed
+
 from decmcts.team.dec_mcts.warm_up import smallest_problem
 from decmcts.team.engine.plans import StatedOrder
 
@@ -38,3 +47,23 @@ def test_what_must_come_before_comes_before() -> None:
     upside_down = StatedOrder(LEFT_FIRST.order[::-1].copy(), LEFT_FIRST.reversed, LEFT_FIRST.head)
     order, _ = retimed(TEAM, Old(upside_down, np.arange(N), np.array([0, 1])))
     assert order.order.tolist() == [1, 3, 0, 2]
+
+
+@pytest.mark.long
+def test_what_a_change_leaves_is_planned_anew_in_all_ways_from_one_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of it is printed in each way; where a head is late its old plan may also just go on."""
+    monkeypatch.setattr(online, "MADE", (("row-4-20-20", 2), ("row-6-20-20", 3)))
+    monkeypatch.setattr(online, "MOMENTS", (0.5,))
+    monkeypatch.setattr("sys.argv", ["online", "--time-limit", "0.1", "--results", str(tmp_path)])
+    online.main()
+    rows = list(csv.DictReader((tmp_path / "online.csv").read_text().splitlines()))
+    assert (tmp_path / "online.png").stat().st_size > 0
+    for row in rows:
+        assert not row["error"] and row["left_out"] == "0"
+        assert 0 < int(row["left"]) < int(row["contours"])
+        least = min(float(row[f"{way}_s"]) for way in online.WAYS)
+        assert max(float(row["bound_s"]), float(row["planned_s"])) < least == float(row["best_s"])
+        late = row["event"] != "fenced"
+        assert (float(row["going_on_s"]) > float(row["planned_s"])) is late

@@ -1,1 +1,0 @@
-"""Other planners for several heads, which experiments and benchmarks compare with."""
