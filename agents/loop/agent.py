@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from typing import Protocol as Interface
 
 from agents.agreeing.events import (
@@ -48,8 +49,10 @@ from agents.messages.kinds import (
     Presence,
 )
 from agents.networks.transport import MALFORMED, Packet, Traffic, Transport
-from agents.planners.planner import AgentPlanner
 from decmcts.errors import InputError
+
+if TYPE_CHECKING:  # numba loads with it
+    from agents.planners.team_planner import DecMctsPlanner
 
 TICK_S = 0.1
 """How often what may have been lost is said again."""
@@ -105,7 +108,7 @@ class Agent:
     ----------
     head, epoch : int
         Who we are and which incarnation.
-    planner, transport, front : AgentPlanner, Transport, FrontEnd
+    planner, transport, front : DecMctsPlanner, Transport, FrontEnd
         What it works with; the transport is open.
     time_limit_s : float
         Planning time, counted from when every head is there.
@@ -125,7 +128,7 @@ class Agent:
         head: int,
         epoch: int,
         *,
-        planner: AgentPlanner,
+        planner: DecMctsPlanner,
         transport: Transport,
         front: FrontEnd,
         time_limit_s: float,

@@ -10,40 +10,25 @@ Faults of a draft that is deleted again, said in lines of the source it was made
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import draft_folder
-from decmcts.formats.gcode import GcodeDocument, read_motions, write_gcode
+from decmcts.formats.gcode import read_motions, write_gcode
 from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
-from decmcts.print.plan import HeadActions, PlanDocument
+from decmcts.print.plan import PlanDocument
 from sim.faults import Verdict
 from sim.files.written import verify_written
 from sim.verify import verify_plan
 
-
-class VerifyFile(Protocol):
-    """Judges a file made from a print; `verify_written` is one."""
-
-    def __call__(
-        self,
-        path: Path,
-        job: PrintJob,
-        document: GcodeDocument,
-        machine: Machine,
-        *,
-        actions: HeadActions,
-    ) -> Verdict:
-        """Return the faults of a file with these actions."""
-        ...
+VerifyFile = Callable[..., Verdict]
+"""Judges a file made from a print: `verify_written`, or in a test what stands for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,15 +49,7 @@ def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
 def refuse_unwritable(
     problem: PrintProblem, before: PlanDocument, *, verify: VerifyFile = verify_written
 ) -> OwnText:
-    """Raise InputError where the source's own order has faults once it is written.
-
-    Parameters
-    ----------
-    before : PlanDocument
-        The plan of the source's own order for one head.
-    verify : VerifyFile
-        Judges what is written.
-    """
+    """Raise InputError where the source's own order, planned as `before`, has faults as written."""
     with draft_folder() as folder:
         draft = Path(folder) / "draft.gcode"
         actions = before.plan.heads[0]

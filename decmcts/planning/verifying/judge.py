@@ -20,7 +20,8 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import is_mesh
 from decmcts.formats.plans.plan_json import is_plan, read_plan
 from decmcts.planning.events import Note, Report, unheard
-from decmcts.planning.problem.made_from import as_planned_anew, is_made_from
+from decmcts.planning.problem.made_from import as_planned_anew
+from decmcts.planning.problem.own_tools import one_tool_each
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.problem.source import Source, machine_for
 from decmcts.planning.verifying.held import AS_STATED, Held
@@ -28,7 +29,6 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.pieces import epochs_of_source, parted_source
-from sim.content.rest import RestCheck, check_rest
 from sim.content.same_print import is_other_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.temperatures import in_phases
@@ -52,7 +52,6 @@ def judge_several(
     seed: int,
     trials: int,
     plate: int | None = None,
-    without_tower: bool = False,
 ) -> Verdict:
     """Verify the files of all heads together, with the plan they were made from or without."""
     given = source_of(source)
@@ -62,11 +61,10 @@ def judge_several(
                 "min_layer_time_s cannot be checked in G-code alone", advice="add --plan plan.json"
             )
         return judge_heads_alone(
-            results, given, machine, held, seed=seed, trials=trials, plate=plate,
-            without_tower=without_tower,
-        )  # fmt: skip
+            results, given, machine, held, seed=seed, trials=trials, plate=plate
+        )
     document = read_plan(plan)
-    read = read_as_planned(document, given, plate_of(given, plate), without_tower=without_tower)
+    read = read_as_planned(document, given, plate_of(given, plate))
     verdict = judge_plan(document, read, machine, held, seed=seed, trials=trials)
     if is_other_print(verdict.faults):
         return verdict
@@ -84,21 +82,14 @@ def judge(
     seed: int,
     trials: int,
     plate: int | None = None,
-    without_tower: bool = False,
     report: Report = unheard,
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if is_plan(result):
         plan, read = read_plan(result), None
         if source is not None:
-            of_source = plate_of(source, plate)
-            read = read_as_planned(plan, source, of_source, without_tower=without_tower)
+            read = read_as_planned(plan, source, plate_of(source, plate))
         return judge_plan(plan, read, machine, held, seed=seed, trials=trials)
-    if without_tower:
-        raise InputError(
-            "the file of one head keeps its wipe tower", path=result,
-            advice="leave --without-tower out",
-        )  # fmt: skip
     if asked := held.names():
         raise InputError(
             f"{', '.join(asked)}: only the order of a plan.json is held to rules",
@@ -153,35 +144,12 @@ def judge_plan(
         trials=trials,
         seed=seed,
     )
+    if source is not None and source.towerless:
+        verdict = _without_tower(verdict)
     if job is None or rule is not None or is_other_print(verdict.faults):
         return verdict
     less = check_stated(document, job, rules or document.rules or usual_rules(document.machine))
     return replace(verdict, faults=(*verdict.faults, *less))
-
-
-def judge_rest(plan: Path, source: Path | None, whole: Path) -> RestCheck:
-    """Check the source of a rest against the plan that was broken off.
-
-    Tools print for others where the plan of the rest says so. What is left out no plan says.
-
-    Raises
-    ------
-    InputError
-        Where the plan or the source of the rest is missing, or that of the whole print is named.
-    """
-    if not is_plan(plan):
-        raise InputError("the plan of the rest is missing", advice="add --plan rest.json")
-    if source is None:
-        raise InputError("the source of the rest is missing", advice="add --source rest.gcode")
-    rest, broken, (job, text) = read_plan(plan), read_plan(whole), read_gcode(source)
-    if is_made_from(broken, job, text) and not is_made_from(rest, job, text):
-        raise InputError(
-            "this is the source of the plan that was broken off; the rest has one of its own",
-            path=source,
-            advice="name the one that `replan -o rest` wrote beside the heads' files: "
-            "--source rest.gcode",
-        )
-    return check_rest(job.contours, rest.printed, broken, dict(rest.print_with))
 
 
 def is_whole_team(path: Path, plate: int | None = None) -> bool:
@@ -246,22 +214,12 @@ def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     return [path for _, path in headers], [head for (head, _), _ in headers]
 
 
-def read_as_asked(
-    source: Path, plate: int | None, *, without_tower: bool
-) -> tuple[PrintJob, GcodeDocument]:
-    """Read a source; without its wipe tower if that was to be left out."""
-    job, document = read_gcode(source, plate)
-    return read_without_tower(document, plate) if without_tower else (job, document)
-
-
-def read_as_planned(
-    plan: PlanDocument, source: Path, plate: int | None, *, without_tower: bool
-) -> Source:
-    """Read a source as asked, in the order its plan was made of.
+def read_as_planned(plan: PlanDocument, source: Path, plate: int | None) -> Source:
+    """Read a source as its plan was made of it: in which order, with its wipe tower or without.
 
     What is read stands in a folder that is gone with the source that is returned.
     """
-    job, document = read_as_asked(source, plate, without_tower=without_tower)
+    job, document = read_gcode(source, plate)
     return as_planned_anew(plan, Source(source, job, document, plan.machine, plate=plate))
 
 
@@ -283,13 +241,13 @@ def judge_heads(paths: Sequence[Path], source: Source, plan: PlanDocument) -> Ve
 
 def judge_heads_alone(
     paths: Sequence[Path], source: Path, machine: str | Machine | None, held: Held, *,
-    seed: int, trials: int, plate: int | None = None, without_tower: bool = False,
+    seed: int, trials: int, plate: int | None = None,
 ) -> Verdict:  # fmt: skip
     """Verify the files of all heads by what they do on the machine, without their plan.
 
     The order is held to the default rules, with those that `held` names in their place.
     """
-    job, document = read_as_asked(source, plate, without_tower=without_tower)
+    job, document = read_gcode(source, plate)
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
@@ -305,19 +263,30 @@ def judge_heads_alone(
     rules = held.over(usual_rules(chosen)) if held.any_rule else None
     judge = partial(_judge_alone, files, machine=chosen, rules=rules, seed=seed, trials=trials)
     found = judge(source=(job, document))
-    for taken in () if found.ok else _taken_otherwise(job, document):
-        found = min(judge(source=taken), found, key=lambda verdict: len(verdict.faults))
+    for taken in () if found.ok else _taken_otherwise(job, document, chosen, plate):
+        other = judge(source=taken)
+        if len(taken[0].contours) < len(job.contours):
+            other = _without_tower(other)
+        found = min(other, found, key=lambda verdict: len(verdict.faults))
     return replace(found, faults=(*faults, *found.faults))
 
 
+def _without_tower(verdict: Verdict) -> Verdict:
+    return replace(verdict, checked=(*verdict.checked, "the source's wipe tower is left out"))
+
+
 def _taken_otherwise(
-    job: PrintJob, document: GcodeDocument
+    job: PrintJob, document: GcodeDocument, machine: Machine, plate: int | None
 ) -> Iterator[tuple[PrintJob, GcodeDocument]]:
     """Yield other ways in which a source may have been taken."""
     if (phases := in_phases(job, document)) is not None:
         yield phases
-    if (free := without_changes(job, document)) is not None:
-        yield free
+    readings = [(job, document)]
+    if one_tool_each(machine, job.contours):
+        readings.append(read_without_tower(document, plate))
+    for reading in readings:
+        if (free := without_changes(*reading)) is not None:
+            yield free
 
 
 def _judge_alone(

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from agents.messages.kinds import Presence
-from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
+from agents.networks.memory import MemoryTransport, Weather
 from agents.networks.transport import Packet
+from tests.agents.faulty_network import FaultyNetwork
 
 
-def pair(weather: Weather, seed: int = 0) -> tuple[MemoryNetwork, MemoryTransport, MemoryTransport]:
-    network = MemoryNetwork(np.random.default_rng(seed), weather)
+def pair(weather: Weather, seed: int = 0) -> tuple[FaultyNetwork, MemoryTransport, MemoryTransport]:
+    network = FaultyNetwork(np.random.default_rng(seed), weather)
     first = MemoryTransport(network, 0, 1).__enter__()
     second = MemoryTransport(network, 1, 2).__enter__()
     network.advance(0.01)

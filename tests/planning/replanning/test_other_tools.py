@@ -12,7 +12,7 @@ import pytest
 from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.mesh import SliceOptions
-from decmcts.formats.plans.plan_json import read_plan, write_plan
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.made_from import rules_of
@@ -90,9 +90,7 @@ def written(rest: Rest, made: Made, alone: Any, folder: Path) -> list[str]:
     (path,) = result.write_gcode(folder / "rest").paths
     (folder / "rest.gcode").write_bytes(rest.source.path.read_bytes())
     result.write_plan(folder / "rest.json")
-    write_plan(made.document, folder / "plan.json")
-    plans = ["--plan", str(folder / "rest.json"), "--rest-of", str(folder / "plan.json")]
-    return [str(path), *plans, "--source", str(folder / "rest.gcode")]
+    return [str(path), "--plan", str(folder / "rest.json"), "--source", str(folder / "rest.gcode")]
 
 
 @pytest.mark.slow
@@ -118,21 +116,6 @@ def test_another_tool_prints_for_a_dead_heads(
     assert f"M106 S{FANS[due]}" not in text
     assert read_plan(tmp_path / "rest.json").print_with == ((due, has),)
     assert run(["verify", *checked]) == 0
-
-
-@pytest.mark.slow
-def test_the_judge_asks_who_has_allowed_it(
-    made: Made, alone: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A plan of a rest that does not say so is refused, and so is one that says otherwise."""
-    checked = written(rest_without(made, "left", {0: 1}), made, alone, tmp_path)
-    sound = read_plan(tmp_path / "rest.json")
-    for other in ((), ((1, 0),)):
-        write_plan(replace(sound, print_with=other), tmp_path / "rest.json")
-        assert run(["verify", *checked]) == 1
-        assert "is printed with tool 1, in the print with tool 0, which nobody has allowed" in (
-            capsys.readouterr().out
-        )
 
 
 @pytest.mark.slow
