@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import draft_folder
 from decmcts.formats.gcode import read_motions, write_gcode
-from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.plan import PlanDocument
 from sim.faults import Verdict
@@ -29,14 +28,6 @@ from sim.verify import verify_plan
 
 VerifyFile = Callable[..., Verdict]
 """Judges a file made from a print: `verify_written`, or in a test what stands for it."""
-
-
-@dataclass(frozen=True, slots=True)
-class OwnText:
-    """The source's own order as it is written anew."""
-
-    total_s: float  # estimated print time of the whole file
-    warnings: tuple[str, ...]  # what is bad in it, and is the source's own
 
 
 def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
@@ -48,8 +39,11 @@ def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
 
 def refuse_unwritable(
     problem: PrintProblem, before: PlanDocument, *, verify: VerifyFile = verify_written
-) -> OwnText:
-    """Raise InputError where the source's own order, planned as `before`, has faults as written."""
+) -> tuple[str, ...]:
+    """Raise InputError where the source's own order, planned as `before`, has faults as written.
+
+    Returns what is bad in the text, and is the source's own.
+    """
     with draft_folder() as folder:
         draft = Path(folder) / "draft.gcode"
         actions = before.plan.heads[0]
@@ -58,9 +52,7 @@ def refuse_unwritable(
         if not verdict.ok:
             lines = SourceLines.of(draft, problem.job.contours.line)
             raise _refusal(problem, verdict, lines)
-        limits, own = problem.machine.limits, problem.source.own_limits
-        total_s = print_time(draft, limits, own_limits=own).total_s
-    return OwnText(total_s, verdict.warnings)
+    return verdict.warnings
 
 
 def _refusal(problem: PrintProblem, verdict: Verdict, lines: SourceLines | None) -> InputError:

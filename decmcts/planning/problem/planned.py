@@ -44,7 +44,6 @@ class Planned:
     history: History
     seconds: dict[str, float]
     sliced: FileTime | None = None  # the source's file, where it is G-code and was looked at
-    own_s: float | None = None  # the source's own order written anew: its whole file, if known
     head_files: tuple[bytes, ...] = ()  # text of the heads' files, judged; none: not written yet
 
     __repr__ = brief(
