@@ -37,12 +37,7 @@ EXTRUDER = (sys.executable, "-P", "-m", "agents.extruder")
 class Crew:
     """One agent process a head; use as a context manager, which starts and ends them.
 
-    Parameters
-    ----------
-    heads : int
-        How many.
-    command : sequence of str
-        What each runs; it is started with `PIPED` and handed all else by `begin`.
+    Each runs `command` with `PIPED`, and is handed all else by `begin`.
     """
 
     def __init__(self, heads: int, command: Sequence[str] = EXTRUDER) -> None:

@@ -102,25 +102,17 @@ class FrontEnd(Interface):
 
 
 class Agent:
-    """One head's agent; `step` until `done`.
+    """One head's agent, with an open transport; `step` until `done`.
 
     Parameters
     ----------
-    head, epoch : int
-        Who we are and which incarnation.
-    planner, transport, front : DecMctsPlanner, Transport, FrontEnd
-        What it works with; the transport is open.
     time_limit_s : float
         Planning time, counted from when every head is there.
     wait_s : float
         After so long the clock starts although heads are missing.
-    fenced : tuple of int
-        Heads that take no part.
     silence_s : float
         Peers take us for stuck when we are silent for longer, and for longer than
         some rounds of ours take.
-    clock : callable
-        Seconds, monotonic.
     """
 
     def __init__(

@@ -28,7 +28,6 @@ class Weather:
     loss: float = 0.0  # probability that a message to one peer vanishes
     delay_s: tuple[float, float] = (0.0, 0.0)  # uniform between
     duplicate: float = 0.0  # probability that it arrives twice
-    lease_s: float = 1.0
 
     def delays(self, rng: np.random.Generator) -> Iterator[float]:
         """Yield how late each copy of a message arrives that is not lost, s."""

@@ -40,14 +40,8 @@ class Recorded:
 class HeadProcesses:
     """The processes of one head.
 
-    Parameters
-    ----------
-    head : int
-        Its place in the plan.
-    controller : sequence of str
-        The command of its controller; `--record` and a descriptor are added.
-    receive : Callable
-        Takes what both state, in threads of its own.
+    `controller` is a command, to which `--record` and a descriptor are added. `receive` takes what
+    both state, in threads of its own.
     """
 
     def __init__(
@@ -145,12 +139,7 @@ class _Stated:
 class WitnessProcess:
     """Started anew whenever it is asked. What an earlier process states late counts for nothing.
 
-    Parameters
-    ----------
-    meeting : Meeting
-        Of the heads, with a place for the witness behind theirs.
-    epoch : int
-        Of the run.
+    The `meeting` has a place for it behind those of the heads.
     """
 
     def __init__(self, meeting: Meeting, epoch: int) -> None:

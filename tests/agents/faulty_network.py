@@ -12,29 +12,31 @@ from agents.networks.transport import Arrival, Packet
 class FaultyNetwork(MemoryNetwork):
     """Peers see that a head hangs, or that they are cut off from it, after its lease."""
 
+    lease_s = 1.0
+
     def __init__(self, rng: np.random.Generator, weather: Weather) -> None:
         super().__init__(rng, weather)
-        self._hung: dict[int, MemoryTransport] = {}
+        self.hung: dict[int, MemoryTransport] = {}
         self._cut: set[frozenset[int]] = set()
 
     def hang(self, head: int) -> None:
         """Stop a head."""
-        self._hung[head] = self.transports.pop(head)
-        self._announce(self._hung[head], alive=False, delay_s=self.weather.lease_s)
+        self.hung[head] = self.transports.pop(head)
+        self._announce(self.hung[head], alive=False, delay_s=self.lease_s)
 
     def resume(self, head: int) -> None:
         """Let a hung head go on; its sessions open again."""
-        self.transports[head] = self._hung.pop(head)
-        self._announce(self.transports[head], alive=True, delay_s=self.weather.lease_s)
+        self.transports[head] = self.hung.pop(head)
+        self._announce(self.transports[head], alive=True, delay_s=self.lease_s)
         for other in self.transports.values():
             if other.head != head:
                 gone, back = (Presence(other.head, other.epoch, alive) for alive in (False, True))
                 self._fly(head, gone, 0.0)
-                self._fly(head, back, self.weather.lease_s)
+                self._fly(head, back, self.lease_s)
 
     def kill(self, head: int) -> None:
-        if head in self._hung:
-            self.transports[head] = self._hung.pop(head)
+        if head in self.hung:
+            self.transports[head] = self.hung.pop(head)
         super().kill(head)
 
     def cut(self, a: int, b: int) -> None:
@@ -48,9 +50,9 @@ class FaultyNetwork(MemoryNetwork):
         self._tell_each_other(a, b, alive=True)
 
     def _tell_each_other(self, a: int, b: int, *, alive: bool) -> None:
-        known = self.transports | self._hung
+        known = self.transports | self.hung
         for to, of in ((a, b), (b, a)):
-            self._fly(to, Presence(of, known[of].epoch, alive), self.weather.lease_s)
+            self._fly(to, Presence(of, known[of].epoch, alive), self.lease_s)
 
     def _is_stale(self, to: int, arrival: Arrival) -> bool:
         begins = isinstance(arrival, Presence) and arrival.alive

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
-from agents.launching.status import AgentStatus, LaunchError, OnProgress
-from decmcts.feasibility.graph import DependencyGraph
+from agents.launching.status import AgentStatus, LaunchError
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.planning.compiling.child import finish_beside
@@ -38,9 +36,7 @@ from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_boun
 from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 from decmcts.print.cut import late_contours
-from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags, no_lags
-from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.metrics import IdleMetrics, Metrics
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
@@ -49,7 +45,6 @@ from decmcts.print.stands import practice_of, primed_before, stands_of
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
-from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import able_heads
 from decmcts.team.schedule.cooling import find_lags, print_times
 from decmcts.team.schedule.entries import (
@@ -65,24 +60,8 @@ WELD_ROUNDS = 4  # of sweeps in which contours stay whole whose welds would be t
 ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
 
 
-class Launch(Protocol):
-    """Has the agents agree; `agents.launch.launch`, or in a test what stands for it."""
-
-    def __call__(
-        self,
-        job: PrintJob,
-        machine: Machine,
-        graph: DependencyGraph,
-        *,
-        stopping: Stopping,
-        seed: int,
-        lags: Lags | None,
-        start: StatedOrder | None,
-        parameters: Mapping[str, float] | None,
-        on_progress: OnProgress | None,
-    ) -> LaunchResult:
-        """Return what they agreed on; raises LaunchError if that is nothing."""
-        ...
+Launch = Callable[..., LaunchResult]
+"""Has the agents agree; `agents.launch.launch`, or in a test what stands for it."""
 
 
 def plan_team(

@@ -63,7 +63,7 @@ def test_equal_seeds_give_equal_weather() -> None:
 
 def test_a_hung_head_is_gone_after_its_lease_and_hears_nothing() -> None:
     """Like a stopped process under zenoh."""
-    network, first, second = pair(Weather(lease_s=1.0))
+    network, first, second = pair(Weather())
     first.receive(0.0)
     network.hang(1)
     first.send("commit", b"x", reliable=True)

@@ -20,9 +20,9 @@ from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.planning.replanning.fenced import (
-    differences,
     needed,
     other_tools,
+    refuse_other_diameters,
     refuse_unfit,
 )
 from decmcts.planning.replanning.replan import Rest, replan, rest_of
@@ -198,20 +198,17 @@ def test_pairs_fit_who_lives(made: Made) -> None:
     refuse_unfit({0: 1}, machine, ["left"])
 
 
-def test_what_the_file_says_of_the_filaments(made: Made, tmp_path: Path) -> None:
-    """Another diameter is refused, for E would be another amount; the rest is said."""
+def test_filament_of_another_diameter_is_refused(made: Made, tmp_path: Path) -> None:
+    """E would be another amount; a nozzle or a kind of filament a person has seen."""
     other = tmp_path / "in.gcode"
-    stated = "; nozzle_diameter = 0.4,0.6\n; filament_type = PLA;PETG\n; filament_diameter = "
-    other.write_text(made.path.read_text() + stated + "1.75,1.75\n")
+    stated = "; filament_type = PLA;PETG\n; filament_diameter = "
     source = replace(made.source, path=other)
-    assert differences(source, {0: 1}) == [
-        "tool 1 has another nozzle (0.6) than tool 0 (0.4)",
-        "tool 1 has another filament (PETG) than tool 0 (PLA)",
-    ]
+    other.write_text(made.path.read_text() + stated + "1.75,1.75\n")
+    refuse_other_diameters(source, {0: 1})
     other.write_text(made.path.read_text() + stated + "1.75,2.85\n")
     with pytest.raises(InputError, match=r"filament of tool 0 is 1\.75 mm thick, of tool 1 2\.85"):
-        differences(source, {0: 1})
-    assert differences(made.source, {0: 1}) == []
+        refuse_other_diameters(source, {0: 1})
+    refuse_other_diameters(made.source, {0: 1})
 
 
 @pytest.mark.slow
