@@ -3,8 +3,6 @@
 Knows nothing of prints: which program an agent is and what it plans are
 arguments. `agents.launch` uses it for real prints.
 
-Agent processes that are started before there is anything to plan.
-
 An agent takes seconds to load its modules and kernels. A crew does that while the launcher
 reads and judges the print. Each agent is then handed its arguments on its stdin, where other
 users of the host do not see them. An agent that is handed nothing ends with its launcher

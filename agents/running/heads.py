@@ -3,8 +3,6 @@
 Controller and agent speak through two pipes. A third, the *record*, carries all a controller says
 to the launcher too: so what happened is known whatever becomes of the agent. The launcher keeps the
 ends of the agent's pipes, so that it can have the controller be off and start another agent.
-
-The launcher's side of a witness: a process that tells which heads speak (`agents.witness`).
 """
 
 from __future__ import annotations

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.planning.verifying.judge import (
+    Judging,
     is_whole_team,
     judge,
     judge_several,
@@ -82,8 +82,8 @@ def verify(
         if not path.exists():
             raise InputError("no such file", path=path)
     report(Step(f"verifying {', '.join(path.name for path in files)}"))
-    options: dict[str, Any] = {"seed": seed, "trials": trials, "plate": plate}
+    asked = Judging(machine, held, seed, trials, plate)
     refuse_plate(plate, [*files, *([] if given is None else [given])])
     if len(files) > 1 or made_from is not None or is_whole_team(files[0], plate):
-        return judge_several(files, given, made_from, machine, held, **options)
-    return judge(files[0], given, machine, held, report=report, **options)
+        return judge_several(files, given, made_from, asked)
+    return judge(files[0], given, asked, report)

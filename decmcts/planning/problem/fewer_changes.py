@@ -5,8 +5,6 @@ tool prints as much as the head's shape and the rules of order allow before it i
 source is written anew so. The judge looks at the file beside the source, and it is planned in its
 place. A change that is not understood stays where it is.
 
-An order that keeps to a tool as long as it may: few changes of tools.
-
 With the tool in use all is printed that precedence allows, then the tool is taken with which most
 can be printed. Of two tools no order that begins with the same one has fewer changes: whatever it
 has printed by its k-th change, this one has printed too, by induction over k.

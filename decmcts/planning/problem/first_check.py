@@ -2,9 +2,8 @@
 
 A fault that every order would have (a text that cannot be written again, a contact of head
 and print) is found here, in time linear in the print, and not after minutes of search. Of a
-large print the text is judged beside the search. The draft that is written is deleted.
-
-Faults of a draft that is deleted again, said in lines of the source it was made from.
+large print the text is judged beside the search. The draft that is written is deleted, so its
+faults are said in lines of the source.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Plans as documents that can be judged, and the plan that passed the judge.
-
-A plan of whole contours told in the pieces of a cut print, to be drawn beside its plan.
-"""
+"""Plans as documents that can be judged, and the plan that passed the judge."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """What a person says of heads: who prints no more and where it stands, and who is late.
 
-Which tools print for others whose heads print no more, as a person allows.
-
-It is another filament: said plainly, and refused where the file says that it does not fit.
+And which tools print for others whose heads print no more.
 """
 
 from __future__ import annotations

@@ -128,20 +128,10 @@ def rest_of(
     slower: Mapping[str, float] | None = None,
     print_with: Mapping[int, int] | None = None,
 ) -> Rest:
-    """Return what is left of a print.
+    """Return what is left of a print, for heads that are not `fenced` where they stand.
 
-    Parameters
-    ----------
-    document : PlanDocument
-        The plan that was carried out.
-    source : Source
-        The print it was made from.
-    fenced : Mapping[str, Stands]
-        Heads that print no more, and where they stand.
-    slower : Mapping[str, float] | None
-        Heads that were seen to be late, and how many times as long as planned they take.
-    print_with : Mapping[int, int] | None
-        Tools, and those that print for them where no living head has them (`other_tools`).
+    `slower` heads take so many times as long as planned. `print_with` has tools, and those that
+    print for them where no living head has them (`other_tools`).
 
     Raises
     ------

@@ -1,6 +1,4 @@
-"""What is left of a print: stretches to print, and material that stands on the bed.
-
-What is left of the source's contours, in as few stretches as there can be.
+"""What is left of a print: material on the bed, and stretches to print, as few as there can be.
 
 A plan may have cut contours. What is left of one is joined again where it follows on, without
 the cut: a contour of which nothing is printed is the source's own.

@@ -111,16 +111,10 @@ def run(
 
     Parameters
     ----------
-    document : PlanDocument
-        The plan.
     source : Source | None
-        The print it was made from; without it nothing is planned anew when a head fails.
-    options : RunOptions
-        How fast, how late and how lossy.
+        The print the plan was made from; without it nothing is planned anew when a head fails.
     asked : queue.Queue[str | None] | None
         Where a person's lines arrive while it runs (docs/run.md); None behind the last.
-    report, show
-        Told what happens, and how heads stand.
     on_start : Callable
         Told the process ids of each head's agent and controller, by its name.
     on_launcher : Callable

@@ -1,8 +1,6 @@
 """Several heads, from problem to judged plan: the agents take the place of one head's search.
 
 No output is written here. See ARCHITECTURE.md, which follows one planning round.
-
-How often heads stand idle by a plan, and what their files do there, as figures.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Judging a plan or finished files again, by the rules they state or by others.
-
-Several files, one a head, verified together: `decmcts verify STEM_*.gcode`.
-"""
+"""Judging a plan or finished files again, by the rules they state or by others."""
 
 from __future__ import annotations
 
@@ -9,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
@@ -19,12 +17,12 @@ from decmcts.formats.gcode.text.source_text import has_plates, line_with_number,
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import is_mesh
 from decmcts.formats.plans.plan_json import is_plan, read_plan
-from decmcts.planning.events import Note, Report, unheard
+from decmcts.planning.events import Note, Report
 from decmcts.planning.problem.made_from import as_planned_anew
 from decmcts.planning.problem.own_tools import one_tool_each
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.problem.source import Source, machine_for
-from decmcts.planning.verifying.held import AS_STATED, Held
+from decmcts.planning.verifying.held import Held
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules, PlanDocument
@@ -42,30 +40,30 @@ from sim.rules.order_rules import usual_rules
 from sim.verify import verify_plan
 
 
+class Judging(NamedTuple):
+    """How to judge, as `decmcts.verify` has it."""
+
+    machine: str | Machine | None
+    held: Held
+    seed: int
+    trials: int
+    plate: int | None
+
+
 def judge_several(
-    results: list[Path],
-    source: Path | None,
-    plan: Path | None,
-    machine: str | Machine | None,
-    held: Held,
-    *,
-    seed: int,
-    trials: int,
-    plate: int | None = None,
+    results: list[Path], source: Path | None, plan: Path | None, asked: Judging
 ) -> Verdict:
     """Verify the files of all heads together, with the plan they were made from or without."""
     given = source_of(source)
     if plan is None:
-        if held.min_layer_time_s is not None:
+        if asked.held.min_layer_time_s is not None:
             raise InputError(
                 "min_layer_time_s cannot be checked in G-code alone", advice="add --plan plan.json"
             )
-        return judge_heads_alone(
-            results, given, machine, held, seed=seed, trials=trials, plate=plate
-        )
+        return judge_heads_alone(results, given, asked)
     document = read_plan(plan)
-    read = read_as_planned(document, given, plate_of(given, plate))
-    verdict = judge_plan(document, read, machine, held, seed=seed, trials=trials)
+    read = read_as_planned(document, given, plate_of(given, asked.plate))
+    verdict = judge_plan(document, read, asked)
     if is_other_print(verdict.faults):
         return verdict
     files = judge_heads(results, read, document)
@@ -73,35 +71,25 @@ def judge_several(
     return replace(verdict, faults=every, counts=counts)
 
 
-def judge(
-    result: Path,
-    source: Path | None,
-    machine: str | Machine | None,
-    held: Held = AS_STATED,
-    *,
-    seed: int,
-    trials: int,
-    plate: int | None = None,
-    report: Report = unheard,
-) -> Verdict:
+def judge(result: Path, source: Path | None, asked: Judging, report: Report) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if is_plan(result):
         plan, read = read_plan(result), None
         if source is not None:
-            read = read_as_planned(plan, source, plate_of(source, plate))
-        return judge_plan(plan, read, machine, held, seed=seed, trials=trials)
-    if asked := held.names():
+            read = read_as_planned(plan, source, plate_of(source, asked.plate))
+        return judge_plan(plan, read, asked)
+    if rules := asked.held.names():
         raise InputError(
-            f"{', '.join(asked)}: only the order of a plan.json is held to rules",
+            f"{', '.join(rules)}: only the order of a plan.json is held to rules",
             path=result,
             advice="leave them out, or verify the plan.json",
         )
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
     refuse_mesh(source, "verify against the slicer's G-code (`plan --sliced`), or verify plan.json")
-    of_result, of_source = plate_of(result, plate), plate_of(source, plate)
+    of_result, of_source = plate_of(result, asked.plate), plate_of(source, asked.plate)
     refuse_head_file(result, of_result)
-    chosen, origin = machine_for(machine, source, of_source)
+    chosen, origin = machine_for(asked.machine, source, of_source)
     if origin:
         report(Note(origin))
     job, document = read_gcode(source, of_source)
@@ -114,21 +102,13 @@ def judge(
     return replace(verdict, faults=(*numbered, *verdict.faults))
 
 
-def judge_plan(
-    document: PlanDocument,
-    source: Source | None,
-    machine: str | Machine | None,
-    held: Held,
-    *,
-    seed: int,
-    trials: int,
-) -> Verdict:
+def judge_plan(document: PlanDocument, source: Source | None, asked: Judging) -> Verdict:
     """Verify a plan by the rules it states, or by those that `held` names.
 
     Stating a shorter `min_layer_time_s` than the source's slicer keeps is a fault, unless `held`
     names one.
     """
-    digest = digest_of(document)
+    held, machine = asked.held, asked.machine
     rule = held.min_layer_time_s
     rules = held.over(document.rules or usual_rules(document.machine)) if held.any_rule else None
     job = None
@@ -140,9 +120,9 @@ def judge_plan(
         source=job,
         machine=load_machine(machine) if isinstance(machine, str) else machine,
         rules=rules,
-        digest=digest,
-        trials=trials,
-        seed=seed,
+        digest=digest_of(document),
+        trials=asked.trials,
+        seed=asked.seed,
     )
     if source is not None and source.towerless:
         verdict = _without_tower(verdict)
@@ -239,15 +219,13 @@ def judge_heads(paths: Sequence[Path], source: Source, plan: PlanDocument) -> Ve
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
 
-def judge_heads_alone(
-    paths: Sequence[Path], source: Path, machine: str | Machine | None, held: Held, *,
-    seed: int, trials: int, plate: int | None = None,
-) -> Verdict:  # fmt: skip
+def judge_heads_alone(paths: Sequence[Path], source: Path, asked: Judging) -> Verdict:
     """Verify the files of all heads by what they do on the machine, without their plan.
 
     The order is held to the default rules, with those that `held` names in their place.
     """
-    job, document = read_gcode(source, plate)
+    machine, held = asked.machine, asked.held
+    job, document = read_gcode(source, asked.plate)
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
@@ -261,10 +239,10 @@ def judge_heads_alone(
         text += "" if machine else " (another is named with --machine)"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
     rules = held.over(usual_rules(chosen)) if held.any_rule else None
-    judge = partial(_judge_alone, files, machine=chosen, rules=rules, seed=seed, trials=trials)
-    found = judge(source=(job, document))
-    for taken in () if found.ok else _taken_otherwise(job, document, chosen, plate):
-        other = judge(source=taken)
+    judged = partial(_judge_alone, files, machine=chosen, rules=rules, asked=asked)
+    found = judged(source=(job, document))
+    for taken in () if found.ok else _taken_otherwise(job, document, chosen, asked.plate):
+        other = judged(source=taken)
         if len(taken[0].contours) < len(job.contours):
             other = _without_tower(other)
         found = min(other, found, key=lambda verdict: len(verdict.faults))
@@ -291,7 +269,7 @@ def _taken_otherwise(
 
 def _judge_alone(
     files: Sequence[HeadFile], *, source: tuple[PrintJob, GcodeDocument],
-    machine: Machine, rules: OrderRules | None, seed: int, trials: int,
+    machine: Machine, rules: OrderRules | None, asked: Judging,
 ) -> Verdict:  # fmt: skip
     """Verify files of heads against one reading of their source."""
     job, document = source
@@ -300,7 +278,7 @@ def _judge_alone(
         return Verdict(tuple(altered))
     # Its times are made up. How near signals are is judged by the files' own lines, below.
     made_up = replace(plan, machine=replace(plan.machine, signal_interval_s=0.0))
-    verdict = verify_plan(made_up, source=job, rules=rules, trials=trials, seed=seed)
+    verdict = verify_plan(made_up, source=job, rules=rules, trials=asked.trials, seed=asked.seed)
     more = verify_heads_on(machine, files, plan.plan, job, document, read=True)
     every = (*altered, *verdict.faults, *more.faults)
     checked = (*verdict.checked[:1], WITHOUT_PLAN)
