@@ -7,7 +7,7 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,15 +15,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.launch import launch as launch_agents
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.writing.parts import Stretch, with_stretches
 from decmcts.formats.gcode.writing.tools_left import printed_with, with_tool_left
-from decmcts.planning.compiling.child import compilation_reported, compiling_beside
-from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.compiling.child import compilation_reported
 from decmcts.planning.events import Report, Step, Stop, never, unheard
-from decmcts.planning.launch import crew_started
+from decmcts.planning.launch import launched
 from decmcts.planning.options import Cut, Rules, TeamSearch
 from decmcts.planning.problem.layer_by_layer import write_order
 from decmcts.planning.problem.made_from import source_of
@@ -46,7 +44,7 @@ from decmcts.planning.replanning.rest import (
     stretches_left,
 )
 from decmcts.planning.result import Result
-from decmcts.planning.team.pipeline import Launch, plan_team
+from decmcts.planning.team.pipeline import Launch
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours, taken
 from decmcts.print.job import PrintJob
@@ -339,18 +337,10 @@ def replan(
         _refuse_several_tools(rest)
     if heads == 1:
         search = replace(search, cut=Cut.NONE)
-    waiting = crew_started(heads) if agents is None else nullcontext(None)
-    with (
-        compilation_reported(report) as reporting,
-        compiling_beside([TEAM], reporting),
-        waiting as crew,
-    ):
-        problem = rest_problem(rest, rules, reporting)
-        agree = partial(launch_agents, crew=crew) if agents is None else agents
-        planned = plan_team(
-            problem, search, writes=writes, report=reporting, stop=stop, agents=agree
-        )  # fmt: skip
-        return Result(planned, search)
+    return launched(
+        partial(rest_problem, rest, rules), heads, search, writes=writes, report=report, stop=stop,
+        agents=agents,
+    )  # fmt: skip
 
 
 def _refuse_several_tools(rest: Rest) -> None:
