@@ -131,11 +131,8 @@ def run_agents(
     the process ids. They meet at a `meeting` of their own unless one is given. Where it is
     and its secret go to them through their pipes.
 
-    Parameters
-    ----------
-    stopping : Stopping
-        What ends planning. Seconds count from when all agents are ready; ten times a second
-        it is polled whether to agree on the best so far. Iterations cannot be limited.
+    Seconds of `stopping` count from when all agents are ready; ten times a second it is polled
+    whether to agree on the best so far. Iterations cannot be limited.
 
     Raises
     ------

@@ -166,8 +166,6 @@ def by_tool(
     ----------
     tool, stretch : (n,)
         In the source's order, which keeps `graph`; `stretch` never falls.
-    may
-        Whether one tool may be changed for another.
     """
     front = _Front.of(graph, tool)
     order, run, number = list[int](), list[int](), 0

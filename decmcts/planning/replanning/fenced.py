@@ -196,13 +196,7 @@ def _refused(text: str, what: str, advice: str) -> InputError:
 
 
 def refuse_unfit(other: Mapping[int, int], machine: Machine, gone: Sequence[str]) -> None:
-    """Raise InputError unless other tools' heads print, and those print no more that they are for.
-
-    Parameters
-    ----------
-    gone : Sequence[str]
-        Heads of the machine that print no more.
-    """
+    """Raise InputError unless other tools' heads print, and those are `gone` that they are for."""
     for due, has in other.items():
         text = f"{due}={has}"
         living = [head for head in machine.heads if head.name not in gone]

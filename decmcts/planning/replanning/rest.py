@@ -137,12 +137,9 @@ class LeftOut:
 
 
 def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.bool_]) -> LeftOut:
-    """Return what of the rest cannot be printed, with all that must come after it.
+    """Return what of the `rest`, (n,), no living head is `able` to print, (n,).
 
-    Parameters
-    ----------
-    rest : (n,) contours of the plan that are left to print
-    able : (n,) contours that some living head can print
+    With all that must come after it.
     """
     apart = rest & ~able
     rows = apart.copy()
@@ -227,13 +224,7 @@ def stretches_left(
 
     What no one head can print joined stays parted as the plan has it.
 
-    Parameters
-    ----------
-    job : PrintJob
-        The source.
-    rows : (n,) contours of the plan
-    able : Able
-        Tells of contours which a head can print.
+    `job` is the source, `rows` (n,) are contours of the plan.
     """
     laid = _laid(document, job, rows)
     if not len(laid.of):
