@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from agents.agreeing.events import Leave, PlanningEnded, PlanReleased
 from agents.launching.places import remove_left
@@ -28,10 +28,12 @@ from agents.messages.digests import apart
 from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS
 from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
-from agents.planners.planner import AgentPlanner
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import write_whole
 from decmcts.leaving import leave
+
+if TYPE_CHECKING:
+    from agents.planners.team_planner import DecMctsPlanner
 
 LINGER_S = 10.0
 """An agent without a launcher answers stragglers so long after its release."""
@@ -40,11 +42,11 @@ WAIT_S = 60.0
 """An agent without a launcher begins to plan after so long although heads are missing."""
 
 
-MakePlanner = Callable[[argparse.Namespace], AgentPlanner]
+MakePlanner = Callable[[argparse.Namespace], "DecMctsPlanner"]
 
 
 def run(
-    planner: AgentPlanner, given: argparse.Namespace, pipe: PipeFront | None = None
+    planner: DecMctsPlanner, given: argparse.Namespace, pipe: PipeFront | None = None
 ) -> PlanReleased | None:
     """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released.
 
@@ -189,7 +191,7 @@ def _meeting_by_hand(given: argparse.Namespace) -> Meeting | None:
     return Meeting(given.addresses, secret_of(given.secret))
 
 
-def _team_planner(given: argparse.Namespace) -> AgentPlanner:
+def _team_planner(given: argparse.Namespace) -> DecMctsPlanner:
     # Imported here: the computing rooms take a second to load, which tests of
     # the processes with a planner of their own need not wait for.
     from agents.planners.pack import load_source, read_pack

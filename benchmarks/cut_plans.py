@@ -33,9 +33,10 @@ from mutations import quietly
 from team_prints import plate_path
 
 from decmcts.errors import InputError
+from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.plans.plan_json import CUT_VERSION, read_plan
-from decmcts.planning.verifying.judge import judge_heads, read_as_asked, read_as_planned
+from decmcts.planning.verifying.judge import judge_heads, read_as_planned
 from decmcts.print.job import PrintJob
 from sim.verify import verify_plan
 from tests.makers.slab import slab_gcode
@@ -139,7 +140,7 @@ def _subject(name: str, source: Path, cut: str, machine: str, limit_s: float) ->
     if good["version"] != CUT_VERSION:
         sys.exit(f"{name}: nothing was cut")
     good["rules"]["weld_limit_s"] = good["metrics"]["cut"]["weld_most_s"] + WELD_SLACK_S
-    job, _ = read_as_asked(source, None, without_tower=False)
+    job, _ = read_gcode(source)
     heads = {path.name: load_text(path).decode().splitlines() for path in written}
     return Subject(name, source, job, json.dumps({**good, "metrics": {}}), heads)
 
@@ -190,7 +191,7 @@ def _try(
                 (folder / name).write_text("\n".join(text) + "\n")
             paths = [folder / name for name in lines]
             document = read_plan(path)
-            source = read_as_planned(document, subject.source, None, without_tower=False)
+            source = read_as_planned(document, subject.source, None)
             faults = judge_heads(paths, source, document).faults
     except InputError as error:
         return str(error).replace(f"{folder}/", "")

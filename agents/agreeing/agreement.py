@@ -88,14 +88,7 @@ LONGEST_PAUSE_TICKS = 30
 class HeadAgreement:
     """One head's side of the agreement; effects go to the end of `out`.
 
-    Parameters
-    ----------
-    head, epoch : int
-        Our index and incarnation.
-    roster : Roster
-        Who is live and who is fenced; changed by the protocol.
-    out : list of Effect
-        Where effects are appended.
+    The protocol changes the `roster`; `epoch` is our incarnation.
     """
 
     def __init__(self, head: int, epoch: int, roster: Roster, out: list[Effect]) -> None:

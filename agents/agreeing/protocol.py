@@ -67,18 +67,10 @@ from agents.messages.kinds import (
 
 
 class Protocol:
-    """One head's side of the conversation.
+    """One head's side of the conversation, in its incarnation `epoch`.
 
-    Parameters
-    ----------
-    head, epoch : int
-        Our index and incarnation.
-    names : tuple of str
-        Names of all heads of the machine.
-    problem : str
-        Digest of the problem we hold.
-    fenced : iterable of int
-        Heads known to be off or parked for good from the start.
+    `names` are of all heads of the machine, `problem` is the digest of the problem we hold, and
+    heads that are `fenced` are off or parked for good from the start.
     """
 
     def __init__(

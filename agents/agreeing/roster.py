@@ -20,19 +20,7 @@ from agents.messages.kinds import SILENCE_TICKS, VERSION, Hello, Message
 
 
 class Roster:
-    """Peers of one head.
-
-    Parameters
-    ----------
-    head : int
-        Our index.
-    names : tuple of str
-        Names of all heads of the machine.
-    problem : str
-        Digest a peer must hold to be heard.
-    fenced : iterable of int
-        Heads off from the start.
-    """
+    """Peers of one head; who holds another `problem`, by its digest, is not heard."""
 
     def __init__(
         self, head: int, names: tuple[str, ...], problem: str, fenced: Iterable[int]

@@ -4,8 +4,6 @@ There are two: **words**, from the thread that plans, and **pulses**, from a thr
 beside it that does nothing else. A stopped process gives neither. A long round, or a planner
 that is stuck, has a pulse and no words. No processes here, and no clock.
 
-How long a launcher waits for what. All in seconds.
-
 The longest that agents can take, from when all are ready, is the time for planning and
 `AGREE_LIMIT_S`, or `HUNG_S` where all are stopped; `AFTER_FENCE_S` more where a head is given
 up at the end of that. Only rounds of more than `AGREE_LIMIT_S / AGREE_ROUNDS` make it longer.

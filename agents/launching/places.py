@@ -44,12 +44,7 @@ _LOCK = "launcher"
 class Places:
     """Fresh places for the agents of one launch; use as a context manager.
 
-    Parameters
-    ----------
-    heads : int
-        How many places are needed at a time.
-    bases : iterable of Path, optional
-        Where folders may be made, best first; None: where this system keeps temporary ones.
+    Folders are made in one of `bases`, best first; None: where this system keeps temporary ones.
     """
 
     def __init__(self, heads: int, bases: Iterable[Path] | None = None) -> None:

@@ -39,16 +39,8 @@ class AgentLine:
 class AgentProcess:
     """A running agent of this launcher.
 
-    Parameters
-    ----------
-    head : int
-        Its head.
-    command : sequence of str
-        What to run.
-    receive : Callable
-        Takes the lines it writes, in a thread of its own.
-    inherits : sequence of int
-        Descriptors it has from us, by the same numbers.
+    `receive` takes the lines it writes, in a thread of its own; it `inherits` descriptors from us,
+    by the same numbers.
     """
 
     def __init__(

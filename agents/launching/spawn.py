@@ -3,8 +3,6 @@
 Knows nothing of prints: which program an agent is and what it plans are
 arguments. `agents.launch` uses it for real prints.
 
-Agent processes that are started before there is anything to plan.
-
 An agent takes seconds to load its modules and kernels. A crew does that while the launcher
 reads and judges the print. Each agent is then handed its arguments on its stdin, where other
 users of the host do not see them. An agent that is handed nothing ends with its launcher
@@ -37,12 +35,7 @@ EXTRUDER = (sys.executable, "-P", "-m", "agents.extruder")
 class Crew:
     """One agent process a head; use as a context manager, which starts and ends them.
 
-    Parameters
-    ----------
-    heads : int
-        How many.
-    command : sequence of str
-        What each runs; it is started with `PIPED` and handed all else by `begin`.
+    Each runs `command` with `PIPED`, and is handed all else by `begin`.
     """
 
     def __init__(self, heads: int, command: Sequence[str] = EXTRUDER) -> None:
@@ -138,11 +131,8 @@ def run_agents(
     the process ids. They meet at a `meeting` of their own unless one is given. Where it is
     and its secret go to them through their pipes.
 
-    Parameters
-    ----------
-    stopping : Stopping
-        What ends planning. Seconds count from when all agents are ready; ten times a second
-        it is polled whether to agree on the best so far. Iterations cannot be limited.
+    Seconds of `stopping` count from when all agents are ready; ten times a second it is polled
+    whether to agree on the best so far. Iterations cannot be limited.
 
     Raises
     ------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 
 class LaunchError(Exception):
@@ -43,23 +42,6 @@ REPORTED = (
 """Fields that an agent's lines of progress name alike."""
 
 OnProgress = Callable[[tuple[AgentStatus, ...]], None]
-
-
-class Child(Protocol):
-    """What is done to an agent's process here."""
-
-    def send(self, command: dict[str, Any]) -> None:
-        """Send it a command."""
-
-    def kill(self) -> None:
-        """End it and wait for its end."""
-
-    def ending(self) -> str:
-        """Return how it ended and what its last line of errors was."""
-
-    def died(self) -> bool:
-        """Tell whether it ended otherwise than by leaving or refusing its input."""
-
 
 StartAgain = Callable[[int, int, float, Sequence[str] | None], None]
 """Starts the agent of a head anew, with an epoch, seconds to plan, and places if all moved."""

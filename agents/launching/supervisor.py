@@ -19,11 +19,10 @@ from typing import Any
 
 from agents.launching import liveness
 from agents.launching.liveness import Liveness
-from agents.launching.processes import AgentLine
+from agents.launching.processes import AgentLine, AgentProcess
 from agents.launching.status import (
     REPORTED,
     AgentStatus,
-    Child,
     LaunchError,
     OnProgress,
     StartAgain,
@@ -41,7 +40,7 @@ class Supervisor:
 
     def __init__(
         self,
-        agents: Mapping[int, Child],
+        agents: Mapping[int, AgentProcess],
         names: tuple[str, ...],
         received: queue.Queue[AgentLine],
         *,

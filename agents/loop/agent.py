@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from typing import Protocol as Interface
 
 from agents.agreeing.events import (
@@ -48,8 +49,10 @@ from agents.messages.kinds import (
     Presence,
 )
 from agents.networks.transport import MALFORMED, Packet, Traffic, Transport
-from agents.planners.planner import AgentPlanner
 from decmcts.errors import InputError
+
+if TYPE_CHECKING:  # numba loads with it
+    from agents.planners.team_planner import DecMctsPlanner
 
 TICK_S = 0.1
 """How often what may have been lost is said again."""
@@ -99,25 +102,17 @@ class FrontEnd(Interface):
 
 
 class Agent:
-    """One head's agent; `step` until `done`.
+    """One head's agent, with an open transport; `step` until `done`.
 
     Parameters
     ----------
-    head, epoch : int
-        Who we are and which incarnation.
-    planner, transport, front : AgentPlanner, Transport, FrontEnd
-        What it works with; the transport is open.
     time_limit_s : float
         Planning time, counted from when every head is there.
     wait_s : float
         After so long the clock starts although heads are missing.
-    fenced : tuple of int
-        Heads that take no part.
     silence_s : float
         Peers take us for stuck when we are silent for longer, and for longer than
         some rounds of ours take.
-    clock : callable
-        Seconds, monotonic.
     """
 
     def __init__(
@@ -125,7 +120,7 @@ class Agent:
         head: int,
         epoch: int,
         *,
-        planner: AgentPlanner,
+        planner: DecMctsPlanner,
         transport: Transport,
         front: FrontEnd,
         time_limit_s: float,

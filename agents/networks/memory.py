@@ -2,8 +2,8 @@
 
 Seeded loss, delay, reordering (delays differ) and duplication hit every
 message, reliable ones too: the protocol must live with worse than zenoh does
-to it. Presence is told like zenoh's liveliness: never lost, in order, a hung
-head only after its lease. Behind a `LossyTransport` real messages are as bad.
+to it. Presence is told like zenoh's liveliness: never lost, in order. Behind a
+`LossyTransport` real messages are as bad.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ class Weather:
     loss: float = 0.0  # probability that a message to one peer vanishes
     delay_s: tuple[float, float] = (0.0, 0.0)  # uniform between
     duplicate: float = 0.0  # probability that it arrives twice
-    lease_s: float = 1.0
 
     def delays(self, rng: np.random.Generator) -> Iterator[float]:
         """Yield how late each copy of a message arrives that is not lost, s."""
@@ -47,7 +46,6 @@ class MemoryNetwork:
         self._rng = rng
         self._flying: list[tuple[float, int, int, Arrival]] = []
         self._numbers = count()
-        self._cut: set[frozenset[int]] = set()
 
     def advance(self, seconds: float) -> None:
         """Let time pass and deliver what is due."""
@@ -55,25 +53,22 @@ class MemoryNetwork:
         while self._flying and self._flying[0][0] <= self.now:
             _, _, to, arrival = heapq.heappop(self._flying)
             transport = self.transports.get(to)
-            if transport is None or transport.hung or self._is_stale(to, arrival):
-                continue
-            transport.inbox.append(arrival)
+            if transport is not None and not self._is_stale(to, arrival):
+                transport.inbox.append(arrival)
 
     def _is_stale(self, to: int, arrival: Arrival) -> bool:
         """Whether this arrival announces a token that is not there any more."""
         if not isinstance(arrival, Presence) or not arrival.alive:
             return False
         of = self.transports.get(arrival.head)
-        if of is None or of.hung or of.epoch != arrival.epoch:
-            return True
-        return frozenset((to, arrival.head)) in self._cut
+        return of is None or of.epoch != arrival.epoch
 
     def join(self, transport: MemoryTransport) -> None:
         """Connect a transport; both sides learn of each other."""
         self.transports[transport.head] = transport
         self._announce(transport, alive=True, delay_s=0.0)
         for other in self.transports.values():
-            if other.head != transport.head and not other.hung:
+            if other.head != transport.head:
                 self._fly(transport.head, Presence(other.head, other.epoch, True), 0.0)
 
     def kill(self, head: int) -> None:
@@ -81,41 +76,10 @@ class MemoryNetwork:
         transport = self.transports.pop(head)
         self._announce(transport, alive=False, delay_s=0.005)
 
-    def hang(self, head: int) -> None:
-        """Stop a head: its peers see it after the lease."""
-        self.transports[head].hung = True
-        self._announce(self.transports[head], alive=False, delay_s=self.weather.lease_s)
-
-    def resume(self, head: int) -> None:
-        """Let a hung head go on; its sessions open again."""
-        transport = self.transports[head]
-        transport.hung = False
-        self._announce(transport, alive=True, delay_s=self.weather.lease_s)
-        for other in self.transports.values():
-            if other is not transport:
-                gone, back = (Presence(other.head, other.epoch, alive) for alive in (False, True))
-                self._fly(head, gone, 0.0)
-                self._fly(head, back, self.weather.lease_s)
-
-    def cut(self, a: int, b: int) -> None:
-        """Lose every message between two heads from now on; both see the lease run out."""
-        self._cut.add(frozenset((a, b)))
-        for to, of in ((a, b), (b, a)):
-            epoch = self.transports[of].epoch
-            self._fly(to, Presence(of, epoch, False), self.weather.lease_s)
-
-    def heal(self, a: int, b: int) -> None:
-        """Undo `cut`."""
-        self._cut.discard(frozenset((a, b)))
-        for to, of in ((a, b), (b, a)):
-            self._fly(to, Presence(of, self.transports[of].epoch, True), self.weather.lease_s)
-
     def publish(self, packet: Packet) -> None:
         """Send a packet to all other heads through the weather."""
         for to in sorted(self.transports):
-            if to == packet.head or frozenset((to, packet.head)) in self._cut:
-                continue
-            for delay_s in self.weather.delays(self._rng):
+            for delay_s in self.weather.delays(self._rng) if to != packet.head else ():
                 self._fly(to, packet, delay_s)
 
     def _announce(self, transport: MemoryTransport, *, alive: bool, delay_s: float) -> None:
@@ -134,7 +98,6 @@ class MemoryTransport:
         self.network = network
         self.head = head
         self.epoch = epoch
-        self.hung = False
         self.inbox: list[Arrival] = []
 
     def __enter__(self) -> Self:

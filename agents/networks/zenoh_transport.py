@@ -80,10 +80,6 @@ class ZenohTransport:
 
     Parameters
     ----------
-    seal : Seal
-        Of the team; who lacks its secret is not heard.
-    head, epoch : int
-        Who we are; the liveliness token names both.
     places : sequence of str
         Where each head listens, as zenoh locators.
     on_drop : callable
@@ -91,8 +87,6 @@ class ZenohTransport:
     on_shut : callable
         Told, once for each set of places, that ours cannot be opened. It is tried again and
         again, until there are other places. None: raise `InputError` instead.
-    kinds : sequence of str
-        What is listened to.
     """
 
     def __init__(

@@ -4,10 +4,8 @@
 Exact: floats keep every bit, so each agent computes the digest again and finds
 the same. Plain arrays and JSON only: reading a pack runs nothing.
 
-Reads a print and a machine for an agent that was started by hand.
-
-A launcher hands its agents a pack instead (`agents.planners.pack`): one reading, one
-dependency graph. Either way the agents compare digests before they talk.
+An agent that was started by hand reads a print and a machine instead. Either way the agents
+compare digests before they talk.
 """
 
 from __future__ import annotations

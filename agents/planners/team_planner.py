@@ -1,4 +1,7 @@
-"""`decmcts.team` behind the agents' `AgentPlanner` face."""
+"""What an agent needs of a planner: one head's Dec-MCTS search, and the shared `resolve`.
+
+The agent loop (`agents.loop.agent`) sees nothing else of `decmcts.team`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,12 @@ def _most_of_a_plan(problem: TeamProblem) -> int:
 
 
 class DecMctsPlanner:
-    """One head's Dec-MCTS search and the shared `resolve`."""
+    """One head's planner.
+
+    `take`, `offer` and `resolve` raise `MessageError` for plans that this problem can't have, since
+    these come from outside. Every method that takes the live heads raises `InputError` if they
+    cannot print everything.
+    """
 
     def __init__(
         self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None
@@ -33,6 +41,7 @@ class DecMctsPlanner:
         self.names = problem.head_names
         self._team = problem
         stated = len(problem.head_names) * (len(problem.job.contours) + 2)
+        # numbers in all plans of a message that may mean something for this problem
         self.most_symbols = stated + int(RANGES["plans"][1]) * (1 + _most_of_a_plan(problem))
         self._search = DecMcts(problem, head, seed=seed, parameters=parameters)
 
@@ -81,13 +90,20 @@ class DecMctsPlanner:
         return self.resolve(self._search.best(live).plans, live)
 
     def resolve(self, plans: Plans, live: Sequence[int]) -> Proposal:
-        """Return what plans resolve to; the same, bit for bit, on every agent."""
+        """Return what plans resolve to; the same, bit for bit, on every agent.
+
+        Of plans that state a serial order, the digest is of that order alone, and the order is
+        checked, not computed.
+        """
         self._require_known(plans.values())
         found = joint_order(self._team, plans, live)
         return Proposal(tuple(live), plans, found.makespan_s, found.digest)
 
     def serial(self, live: Sequence[int]) -> Proposal:
-        """Return a joint plan that states who prints what in which order."""
+        """Return a joint plan that states who prints what in which order.
+
+        What agents agree on when the same plans resolve differently on their hosts.
+        """
         return replace(self.resolve(serial_plans(self._team, live), live), serial=True)
 
     def _require_known(self, sequences: Iterable[Sequence32]) -> None:

@@ -3,8 +3,6 @@
 Controller and agent speak through two pipes. A third, the *record*, carries all a controller says
 to the launcher too: so what happened is known whatever becomes of the agent. The launcher keeps the
 ends of the agent's pipes, so that it can have the controller be off and start another agent.
-
-The launcher's side of a witness: a process that tells which heads speak (`agents.witness`).
 """
 
 from __future__ import annotations
@@ -40,14 +38,8 @@ class Recorded:
 class HeadProcesses:
     """The processes of one head.
 
-    Parameters
-    ----------
-    head : int
-        Its place in the plan.
-    controller : sequence of str
-        The command of its controller; `--record` and a descriptor are added.
-    receive : Callable
-        Takes what both state, in threads of its own.
+    `controller` is a command, to which `--record` and a descriptor are added. `receive` takes what
+    both state, in threads of its own.
     """
 
     def __init__(
@@ -145,12 +137,7 @@ class _Stated:
 class WitnessProcess:
     """Started anew whenever it is asked. What an earlier process states late counts for nothing.
 
-    Parameters
-    ----------
-    meeting : Meeting
-        Of the heads, with a place for the witness behind theirs.
-    epoch : int
-        Of the run.
+    The `meeting` has a place for it behind those of the heads.
     """
 
     def __init__(self, meeting: Meeting, epoch: int) -> None:

@@ -14,8 +14,8 @@ from agents.agreeing.events import HeadFenced, Notice, PlanReleased, ProtocolEve
 from agents.loop.agent import Agent, AgentProgress, Meet
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
-from agents.planners.planner import AgentPlanner
 from agents.planners.serial import joint_order
+from agents.planners.team_planner import DecMctsPlanner
 from decmcts.errors import VerificationError
 from decmcts.experiments.kinds import Key
 from decmcts.experiments.teams import Given, exact
@@ -47,7 +47,7 @@ def weather_of(loss: float, delay_s: float) -> Weather:
 
 
 def agreed(
-    what: Given, weather: Weather, planner_of: Callable[[int], AgentPlanner], key: Key,
+    what: Given, weather: Weather, planner_of: Callable[[int], DecMctsPlanner], key: Key,
     disturb: Callable[[MemoryTeam], None] = lambda _team: None,
 ) -> Agreed:  # fmt: skip
     """Let agents plan and agree; a round takes 0.02 simulated seconds.
@@ -116,17 +116,19 @@ class Recorder:
 class MemoryTeam:
     """Agents 0..n-1 over one network."""
 
+    kind: type[MemoryNetwork] = MemoryNetwork
+
     def __init__(
         self,
         n: int,
         weather: Weather,
-        planner_of: Callable[[int], AgentPlanner],
+        planner_of: Callable[[int], DecMctsPlanner],
         *,
         seed: int = 0,
         limit_s: float = 1.0,
         silence_s: float = 15.0,
     ) -> None:
-        self.network = MemoryNetwork(np.random.default_rng(seed), weather)
+        self.network = self.kind(np.random.default_rng(seed), weather)
         self.limit_s, self.silence_s = limit_s, silence_s
         self.planner_of = planner_of
         self.stuck: set[int] = set()  # heads whose planner does not return
@@ -157,9 +159,7 @@ class MemoryTeam:
         while self.network.now < end:
             self.network.advance(STEP_S)
             for head, agent in self.agents.items():
-                transport = self.network.transports.get(head)
-                free = transport is not None and not transport.hung
-                if free and head not in self.stuck:
+                if head in self.network.transports and head not in self.stuck:
                     agent.step()
 
     def kill(self, head: int) -> None:

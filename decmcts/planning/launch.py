@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial
 
@@ -14,10 +14,11 @@ from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
+from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.problem.source import Source
 from decmcts.planning.result import Result
 from decmcts.planning.team.own_planner import planned_by
-from decmcts.planning.team.pipeline import plan_team
+from decmcts.planning.team.pipeline import Launch, plan_team
 
 
 @checked
@@ -76,18 +77,29 @@ def launch(
     >>> [head.head for head in result.document.plan.heads]
     ['left', 'right']
     """
-    own = search.planner is not None
-    waiting = nullcontext(crew) if own or crew else crew_started(len(source.machine.heads))
+    own = None if search.planner is None else partial(planned_by, search.planner)
+    return launched(
+        partial(team_problem, source, rules), len(source.machine.heads), search, writes=writes,
+        report=report, stop=stop, agents=own, crew=crew,
+    )  # fmt: skip
+
+
+def launched(
+    problem_of: Callable[[Report], PrintProblem], heads: int, search: TeamSearch, *,
+    writes: bool, report: Report, stop: Stop, agents: Launch | None, crew: Crew | None = None,
+) -> Result:  # fmt: skip
+    """Plan a problem that is found while the heads' processes load.
+
+    `agents` stands for these processes: a planner of one's own, or what a test has.
+    """
+    waiting = nullcontext(crew) if agents or crew else crew_started(heads)
     with (
         compilation_reported(report) as reporting, compiling_beside([TEAM], reporting),
         waiting as ready,
     ):  # fmt: skip
-        problem = team_problem(source, rules, reporting)
-        agents = partial(launch_agents, crew=ready)
-        if search.planner is not None:
-            agents = partial(planned_by, search.planner)
         planned = plan_team(
-            problem, search, writes=writes, report=reporting, stop=stop, agents=agents
+            problem_of(reporting), search, writes=writes, report=reporting, stop=stop,
+            agents=agents or partial(launch_agents, crew=ready),
         )  # fmt: skip
         return Result(planned, search)
 

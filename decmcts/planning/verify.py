@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.planning.verifying.judge import (
+    Judging,
     is_whole_team,
     judge,
-    judge_rest,
     judge_several,
     refuse_plate,
 )
@@ -33,8 +31,6 @@ def verify(
     held: Held = AS_STATED,
     trials: int = 3,
     seed: int = 0,
-    without_tower: bool = False,
-    rest_of: str | Path | None = None,
     report: Report = unheard,
 ) -> Verdict:
     """Replay a plan or finished G-code, by logic that shares nothing with the planners'.
@@ -57,10 +53,6 @@ def verify(
         Number of random timings in which a joint plan is replayed.
     seed : int
         Seed of these timings.
-    without_tower : bool
-        Whether the source's wipe tower was to be left out.
-    rest_of : str | Path | None
-        Of the rest of a print, with its source: the plan that was broken off.
     report : Report
         Told what is done.
 
@@ -90,15 +82,8 @@ def verify(
         if not path.exists():
             raise InputError("no such file", path=path)
     report(Step(f"verifying {', '.join(path.name for path in files)}"))
-    options: dict[str, Any] = {"seed": seed, "trials": trials, "plate": plate}
-    options["without_tower"] = without_tower
+    asked = Judging(machine, held, seed, trials, plate)
     refuse_plate(plate, [*files, *([] if given is None else [given])])
-    of_rest = None if rest_of is None else judge_rest(made_from or files[0], given, Path(rest_of))
     if len(files) > 1 or made_from is not None or is_whole_team(files[0], plate):
-        verdict = judge_several(files, given, made_from, machine, held, **options)
-    else:
-        verdict = judge(files[0], given, machine, held, report=report, **options)
-    if of_rest is None:
-        return verdict
-    warnings = (*verdict.warnings, *filter(None, [of_rest.missing]))
-    return replace(verdict, faults=(*verdict.faults, *of_rest.faults), warnings=warnings)
+        return judge_several(files, given, made_from, asked)
+    return judge(files[0], given, asked, report)

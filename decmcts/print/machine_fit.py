@@ -11,7 +11,6 @@ from decmcts.errors import InputError
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Head, Machine
 
-MOVE_INTO_REACH = "move the print into reach"
 _TOLERANCE_MM = 0.01  # slicers round coordinates
 _AXES = "xyz"
 
@@ -113,7 +112,10 @@ def _reason(
         around = ""
         if contours.role[c] == Role.SKIRT_BRIM:
             around = "slice it without skirt or brim, or "
-        return f"{those} reaches it", f"{MOVE_INTO_REACH}, or {around}choose another machine"
+        return (
+            f"{those} reaches it",
+            f"move the print into reach, or {around}choose another machine",
+        )
     there = near if live is None else [r for r in near if r in live]
     names = " and ".join(machine.heads[r].name for r in there or near)
     if not there:

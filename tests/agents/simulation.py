@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from agents.networks.memory import Weather
-from agents.planners.planner import AgentPlanner
 from decmcts.experiments.in_memory import MemoryTeam
+from tests.agents.faulty_network import FaultyNetwork
 from tests.agents.toy import ToyPlanner
 
 
 class Team(MemoryTeam):
     """Agents 0..n-1 over one network; each has the same small problem."""
+
+    kind = FaultyNetwork
 
     def __init__(
         self,
@@ -25,7 +27,7 @@ class Team(MemoryTeam):
         self.names = tuple(f"head{h}" for h in range(n))
         self.jobs = 40
 
-        def planner_of(head: int) -> AgentPlanner:
+        def planner_of(head: int) -> ToyPlanner:
             return ToyPlanner(
                 head,
                 names=self.names,

@@ -126,7 +126,8 @@ def test_a_long_round_promises_a_longer_silence() -> None:
 
 def test_heads_that_only_cannot_hear_each_other_say_so() -> None:
     """With a third that hears both, neither could agree, and nobody was told why."""
-    team = Team(3, Weather(lease_s=0.3), limit_s=1.0)
+    team = Team(3, Weather(), limit_s=1.0)
+    team.network.lease_s = 0.3
     team.run(0.5)
     team.network.cut(0, 1)
     team.run(2.0 + STALLED_TICKS * TICK_S)

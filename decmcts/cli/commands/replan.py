@@ -22,7 +22,7 @@ from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
-from decmcts.planning.options import Cut, Limits
+from decmcts.planning.options import Limits
 from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads, other_tools, refuse_unfit
@@ -54,13 +54,6 @@ LeftOption = Annotated[
     LeftBeads,
     opt.search(
         "--left-beads", "A bead that was broken off is finished from there, or left as it is"
-    ),
-]
-CutOption = Annotated[
-    Cut | None,
-    opt.search(
-        "--cut",
-        "What may be cut anew so that heads share it (default: what could be in the plan)",
     ),
 ]
 
@@ -108,8 +101,6 @@ def replan(
         opt.basics("-o --output STEM", "Stem of the G-code files of the rest, one a head"),
     ] = None,
     plan_file: opt.PlanOption = None,
-    cut: CutOption = None,
-    weld_limit_s: opt.WeldOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     as_json: opt.JsonOption = False,
@@ -143,7 +134,7 @@ def replan(
             )
     other = other_tools(print_with or [], document.machine, document.contours)
     refuse_unfit(other, document.machine, list(places))
-    search = search_of(document, time_limit, seed, cut=cut, weld_limit_s=weld_limit_s)
+    search = search_of(document, time_limit, seed)
     with running(time_limit_s=time_limit, table=heads_table) as (show, stop):
         found = read(
             source, document.machine, limits=Limits.MACHINE, report=show

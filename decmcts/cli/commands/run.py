@@ -26,7 +26,7 @@ from decmcts.planning.events import Event, Note, Report, Step
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.source import Source
 from decmcts.planning.read import read
-from decmcts.planning.replanning.fenced import differences, other_tools
+from decmcts.planning.replanning.fenced import other_tools, refuse_other_diameters
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.keeping import Keeping, refuse_earlier
 from decmcts.planning.running.options import Failure, RunOptions, RunView, Show
@@ -121,7 +121,7 @@ def run(
             source, document.machine, limits=Limits.MACHINE, report=progress
         )  # fmt: skip
         if found is not None:
-            differences(found, other)  # refused now, not when a head has failed
+            refuse_other_diameters(found, other)  # refused now, not when a head has failed
         with _Watch(shown=watch) as window:
 
             def passed_on(event: Event) -> None:

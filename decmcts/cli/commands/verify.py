@@ -28,13 +28,6 @@ def verify(
         Path | None,
         opt.basics("--plan FILE", "Of files of several heads: the plan.json they were made from"),
     ] = None,
-    rest_of: Annotated[
-        Path | None,
-        opt.basics(
-            "--rest-of PLAN.json",
-            "Of what `replan` left: the plan that was broken off, of which it must be a part",
-        ),
-    ] = None,
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     process_order: opt.HeldProcessOption = None,
@@ -42,7 +35,6 @@ def verify(
     min_layer_time: opt.HeldCoolingOption = None,
     max_layers_ahead: opt.HeldLeadOption = None,
     freedom: opt.HeldFreedomOption = None,
-    without_tower: opt.TowerOption = False,
     seed: opt.TimingSeedOption = 0,
     trials: Annotated[
         int, opt.search("--trials N", "Random timing trials of a joint plan", min=1, max=100_000)
@@ -60,7 +52,7 @@ def verify(
     with steps() as progress:
         verdict = judge(
             result, source, machine, plan=plan, plate=plate, held=held, seed=seed, trials=trials,
-            without_tower=without_tower, rest_of=rest_of, report=progress,
+            report=progress,
         )  # fmt: skip
     show(verdict, ", ".join(map(str, result)), as_json=as_json, verbose=verbose)
     if verdict.faults:

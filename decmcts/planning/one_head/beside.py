@@ -14,27 +14,20 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Protocol
 
 from decmcts.jit.kernel import compiled_first, giving_way
-from decmcts.planning.events import Report, Step, Stop
+from decmcts.planning.events import Report, Step
+from decmcts.planning.one_head.order_search import OrderSearch
 from decmcts.search.planners import SearchResult
-from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.stopping import Stopping
 
 POLL_S = 0.05  # how often it is asked whether a search can begin
 STILL = "the source's own order, judged before anything is written"
 
 
-class _SearchSteps(Protocol):
-    def ready(self) -> bool: ...
-    def begin(self, stop: Stop) -> str | Planner: ...
-    def search(self, chosen: str | Planner, stopping: Stopping) -> SearchResult: ...
-
-
 @contextmanager
 def searched_beside(
-    order: _SearchSteps, *, stopping: Stopping, report: Report
+    order: OrderSearch, *, stopping: Stopping, report: Report
 ) -> Iterator[Callable[[], SearchResult | None]]:
     """Search in a thread beside the body of a `with`, from when `order` is ready.
 

@@ -68,17 +68,9 @@ def certify(
 ) -> Certificate:
     """Prove how far from optimal a result is at most, or say why that is not known.
 
-    Parameters
-    ----------
-    problem : OrderProblem
-        The problem that was searched; its metric gives the unit, mm or s.
-    travel : float
-        What the result's travels cost, in that unit.
-    stopping : Stopping
-        What ends the proof, with what is proven by then; `most_s` end it at the latest.
-    known : float | None
-        A bound that the search itself has proven; the one returned is no lower. If it equals
-        the travel, the result is optimal and nothing else is tried.
+    `travel` is what the result's travels cost, in the unit of the problem that was searched.
+    `stopping`, and `most_s` at the latest, end the proof with what is proven by then. `known` is
+    a bound that the search itself has proven; if it equals the travel nothing else is tried.
     """
     allowed_s, unit = stopping.seconds_up_to(most_s), problem.unit
     if known is not None and travel <= known * (1.0 + ROUNDING):

@@ -28,7 +28,6 @@ from decmcts.planning.writing.file_times import (
     FileTimes,
     compared_with,
     gains,
-    likely_longer,
     more_over_walls,
     with_whole_files,
     worth_longer,
@@ -55,8 +54,7 @@ def write_no_slower(
 ) -> tuple[Planned, FileTimes]:
     """Write the G-code of one head to `path`; returns what was written and its times.
 
-    Where the source is kept `path` becomes a copy of it, or stays as it is where it is the
-    source; the plan returned is then the source's own order.
+    Where the source is kept `path` becomes a copy of it, unless it is the source.
 
     Raises
     ------
@@ -66,15 +64,15 @@ def write_no_slower(
     draft_of = draft_of or partial(draft_single, report=report)
     with draft_folder() as folder:
         draft, started = folder / "draft.gcode", time.perf_counter()
-        other = None
-        if not allow_slower and likely_longer(planned):
-            other = _for_time(planned, search, report, stop)
-            planned = planned if other is None else _sooner(planned, other)
         times = draft_of(planned, draft, path)
         allowed = allow_slower or worth_longer(planned, times)
-        if times.longer and not allowed and other is None:
-            planned, times = _again(planned, search, times, draft, path, draft_of, report, stop)
-            allowed = allow_slower or worth_longer(planned, times)
+        if times.longer and not allowed and search.objective == Objective.TRAVEL and not stop():
+            other, first = _for_time(planned, search, report, stop), draft.read_bytes()
+            found = draft_of(other, draft, path)
+            if found.after_s < times.after_s:
+                planned, times, allowed = other, found, worth_longer(other, found)
+            else:
+                draft.write_bytes(first)
         unsafe = planned.problem.source.original is not None
         worse = not allowed and (times.longer or not gains(planned, times))
         if not unsafe and (worse or more_over_walls(planned, times)):
@@ -85,10 +83,8 @@ def write_no_slower(
     return with_whole_files(planned, times), times
 
 
-def _for_time(planned: Planned, search: Search, report: Report, stop: Stop) -> Planned | None:
-    """Search for time after a search for travel; None where that was not what was searched."""
-    if search.objective != Objective.TRAVEL or stop():
-        return None
+def _for_time(planned: Planned, search: Search, report: Report, stop: Stop) -> Planned:
+    """Search for time after a search for travel."""
     report(Step("the file would take longer than its source: searching for time"))
     limit_s = min(AGAIN_SHARE * search.time_limit_s, AGAIN_MOST_S)
     for_time = replace(
@@ -98,33 +94,6 @@ def _for_time(planned: Planned, search: Search, report: Report, stop: Stop) -> P
         planned.problem, for_time, before=planned.before, sliced=planned.sliced, report=report,
         stop=stop,
     )  # fmt: skip
-
-
-def _sooner(first: Planned, second: Planned) -> Planned:
-    """Return the plan that ends sooner, the first where they are equal."""
-    return second if second.after.plan.makespan_s < first.after.plan.makespan_s else first
-
-
-def _again(
-    planned: Planned,
-    search: Search,
-    times: FileTimes,
-    draft: Path,
-    path: Path,
-    draft_of: DraftOf,
-    report: Report,
-    stop: Stop,
-) -> tuple[Planned, FileTimes]:
-    """Search for time after all; the file that takes less time is the draft."""
-    other = _for_time(planned, search, report, stop)
-    if other is None:
-        return planned, times
-    first = draft.read_bytes()
-    found = draft_of(other, draft, path)
-    if found.after_s < times.after_s:
-        return other, found
-    draft.write_bytes(first)
-    return planned, times
 
 
 def _kept(

@@ -21,7 +21,7 @@ from decmcts.planning.one_head.detours import WallRule
 from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
 from decmcts.planning.options import AvoidWalls, Freedom, Objective, Search
 from decmcts.planning.problem import first_check
-from decmcts.planning.problem.first_check import OwnText, refuse_unsound, refuse_unwritable
+from decmcts.planning.problem.first_check import refuse_unsound, refuse_unwritable
 from decmcts.planning.problem.planned import Planned, check, document_of, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.worker import worker
@@ -51,7 +51,7 @@ Judge = Callable[[], PlanDocument]
 """Returns the plan of the source's own order once it was judged; InputError if it has faults."""
 Refuse = Callable[[PrintProblem, PlanDocument], None]
 """Raises InputError where the plan of the source's own order has faults; `refuse_unsound`."""
-RefuseText = Callable[[PrintProblem, PlanDocument], OwnText]
+RefuseText = Callable[[PrintProblem, PlanDocument], tuple[str, ...]]
 """Raises InputError where the source's own order can't be written; `refuse_unwritable`."""
 FIRST_STEP = "the source's own order, judged before anything is searched"
 
@@ -84,13 +84,11 @@ def plan_one_head(
     """
     own = _OwnOrder(problem, writes, report, refuse, refuse_text)
     if not compiled(PRINT):
-        planned = plan_judged(problem, search, judge=own.judged, report=report, stop=stop)
-    elif writes and len(problem.job.contours) >= BESIDE_FROM:
+        return plan_judged(problem, search, judge=own.judged, report=report, stop=stop)
+    if writes and len(problem.job.contours) >= BESIDE_FROM:
         return _plan_large(own, search, stop)
-    else:
-        report(Step(FIRST_STEP))
-        planned = plan_judged(problem, search, before=own.judged(), report=report, stop=stop)
-    return replace(planned, own_s=own.total_s)
+    report(Step(FIRST_STEP))
+    return plan_judged(problem, search, before=own.judged(), report=report, stop=stop)
 
 
 def _plan_large(own: _OwnOrder, search: Search, stop: Stop) -> Planned:
@@ -109,8 +107,8 @@ def _plan_large(own: _OwnOrder, search: Search, stop: Stop) -> Planned:
         planned = plan_judged(own.problem, search, before=before, report=report, stop=until)
         if not text.done():
             report(Step("the text of the source's own order, judged before anything is written"))
-        own.take_text(text.result())
-    return replace(planned, own_s=own.total_s)
+        own.warn(text.result())
+    return planned
 
 
 @dataclass(slots=True)
@@ -122,21 +120,19 @@ class _OwnOrder:
     report: Report
     refuse: Refuse
     refuse_text: RefuseText
-    total_s: float | None = None  # print time of its file, once that was judged
 
     def judged(self) -> PlanDocument:
         """Return its plan once that was judged, and its text where one is written."""
         before = source_plan(self.problem)
         self.refuse(self.problem, before)
         if self.writes:
-            self.take_text(self.refuse_text(self.problem, before))
+            self.warn(self.refuse_text(self.problem, before))
         self.report(Sound())
         return before
 
-    def take_text(self, text: OwnText) -> None:
-        """Keep what is known of its text, and report what is bad in it."""
-        self.total_s = text.total_s
-        for line in text.warnings:
+    def warn(self, lines: tuple[str, ...]) -> None:
+        """Report what is bad in its text."""
+        for line in lines:
             stated = f"the source drives the head into the print, which is kept: {line}"
             self.report(Note(stated))
 

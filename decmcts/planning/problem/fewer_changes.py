@@ -5,8 +5,6 @@ tool prints as much as the head's shape and the rules of order allow before it i
 source is written anew so. The judge looks at the file beside the source, and it is planned in its
 place. A change that is not understood stays where it is.
 
-An order that keeps to a tool as long as it may: few changes of tools.
-
 With the tool in use all is printed that precedence allows, then the tool is taken with which most
 can be printed. Of two tools no order that begins with the same one has fewer changes: whatever it
 has printed by its k-th change, this one has printed too, by induction over k.
@@ -24,22 +22,17 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.writing.fewer_changes import FreeChanges, free_changes, with_runs
 from decmcts.formats.gcode.writing.parts import without_blocks
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.options import Rules
-from decmcts.planning.problem.first_check import SourceLines
-from decmcts.planning.problem.layer_by_layer import with_epochs, with_source_lines
+from decmcts.planning.problem.layer_by_layer import rewritten
 from decmcts.planning.problem.planned import Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above, problem_of
-from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Regrouped, Source
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.cooling import cooled, find_lags, source_times, time_left
-from decmcts.team.schedule.joint_plan import schedule
-from sim.files.written import verify_written
 
 LEAST_CHANGE_S = 5.0  # that a change of tools takes: fast tool changers, and two carriages
 
@@ -85,7 +78,7 @@ def _regrouped(source: Source, rules: Rules, report: Report) -> Source | str:
     waited_s = _waits(problem, runs.order, times, left_s)
     if waited_s > LEAST_CHANGE_S * (was - now):
         return f"with {was - now} changes less the print would wait {waited_s:.0f} s for cooling"
-    return _written(source, problem, free, runs, Regrouped(source, before, was - now, left_s))
+    return _written(source, free, runs, Regrouped(source, before, was - now, left_s))
 
 
 def changes(tool: NDArray[np.int16]) -> int:
@@ -107,31 +100,17 @@ def _waits(
     return cooled(job, machine, graph, lags, as_it_is).waited_s
 
 
-def _written(
-    source: Source, problem: PrintProblem, free: FreeChanges, runs: ToolRuns, made_of: Regrouped
-) -> Source | str:
+def _written(source: Source, free: FreeChanges, runs: ToolRuns, made_of: Regrouped) -> Source | str:
     """Write the source in an order of its tools and return it as it is read back."""
-    job, folder, order = source.job, SlicedFolder(), runs.order
-    draft = folder.path / "tools.gcode"
-    tooled, document = with_runs(job, source.document, free, order, runs.run)
-    none = DependencyGraph.from_pairs(len(order), np.empty((0, 2), np.int32))
-    machine = parked_above(source.machine, job.contours)
-    plan = schedule(tooled, machine, none, [Toolpath.of(order, np.zeros(len(order), np.bool_))])
-    write_gcode(document, tooled, plan.heads[0], draft)
-    verdict = verify_written(draft, job, source.document, machine, actions=plan.heads[0])
-    if not verdict.ok:
-        lines = SourceLines.of(draft, job.contours.line[order])
-        return lines.stated(str(verdict.faults[0]))
-    anew, text = read_gcode(draft)
-    if len(anew.contours) != len(order):
-        return "what was written so reads as other contours"
-    anew = with_source_lines(anew, job, order)
-    anew, text = with_epochs(anew, text, tooled.contours.epoch[order])
-    anew = replace(anew, name=job.name, notes=(*anew.notes, *_stay(free)))
+    order = runs.order
+    tooled, document = with_runs(source.job, source.document, free, order, runs.run)
+    machine = parked_above(source.machine, source.job.contours)
+    found = rewritten(source, tooled, document, order, machine)
+    if isinstance(found, str):
+        return found
     made_of = replace(made_of, left_s=made_of.left_s[order])
-    return replace(
-        source, job=anew, document=text, folder=folder, regrouped=made_of, plate=None
-    )  # fmt: skip
+    job = replace(found.job, notes=(*found.job.notes, *_stay(free)))
+    return replace(found, job=job, regrouped=made_of)
 
 
 def _stay(free: FreeChanges) -> list[str]:
@@ -187,8 +166,6 @@ def by_tool(
     ----------
     tool, stretch : (n,)
         In the source's order, which keeps `graph`; `stretch` never falls.
-    may
-        Whether one tool may be changed for another.
     """
     front = _Front.of(graph, tool)
     order, run, number = list[int](), list[int](), 0

@@ -2,56 +2,31 @@
 
 A fault that every order would have (a text that cannot be written again, a contact of head
 and print) is found here, in time linear in the print, and not after minutes of search. Of a
-large print the text is judged beside the search. The draft that is written is deleted.
-
-Faults of a draft that is deleted again, said in lines of the source it was made from.
+large print the text is judged beside the search. The draft that is written is deleted, so its
+faults are said in lines of the source.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import draft_folder
-from decmcts.formats.gcode import GcodeDocument, read_motions, write_gcode
-from decmcts.formats.gcode.controller.duration import print_time
+from decmcts.formats.gcode import read_motions, write_gcode
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
-from decmcts.print.plan import HeadActions, PlanDocument
+from decmcts.print.plan import PlanDocument
 from sim.faults import Verdict
 from sim.files.written import verify_written
 from sim.verify import verify_plan
 
-
-class VerifyFile(Protocol):
-    """Judges a file made from a print; `verify_written` is one."""
-
-    def __call__(
-        self,
-        path: Path,
-        job: PrintJob,
-        document: GcodeDocument,
-        machine: Machine,
-        *,
-        actions: HeadActions,
-    ) -> Verdict:
-        """Return the faults of a file with these actions."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class OwnText:
-    """The source's own order as it is written anew."""
-
-    total_s: float  # estimated print time of the whole file
-    warnings: tuple[str, ...]  # what is bad in it, and is the source's own
+VerifyFile = Callable[..., Verdict]
+"""Judges a file made from a print: `verify_written`, or in a test what stands for it."""
 
 
 def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
@@ -63,15 +38,10 @@ def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
 
 def refuse_unwritable(
     problem: PrintProblem, before: PlanDocument, *, verify: VerifyFile = verify_written
-) -> OwnText:
-    """Raise InputError where the source's own order has faults once it is written.
+) -> tuple[str, ...]:
+    """Raise InputError where the source's own order, planned as `before`, has faults as written.
 
-    Parameters
-    ----------
-    before : PlanDocument
-        The plan of the source's own order for one head.
-    verify : VerifyFile
-        Judges what is written.
+    Returns what is bad in the text, and is the source's own.
     """
     with draft_folder() as folder:
         draft = Path(folder) / "draft.gcode"
@@ -81,9 +51,7 @@ def refuse_unwritable(
         if not verdict.ok:
             lines = SourceLines.of(draft, problem.job.contours.line)
             raise _refusal(problem, verdict, lines)
-        limits, own = problem.machine.limits, problem.source.own_limits
-        total_s = print_time(draft, limits, own_limits=own).total_s
-    return OwnText(total_s, verdict.warnings)
+    return verdict.warnings
 
 
 def _refusal(problem: PrintProblem, verdict: Verdict, lines: SourceLines | None) -> InputError:

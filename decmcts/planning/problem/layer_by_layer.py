@@ -31,10 +31,10 @@ from decmcts.planning.problem.source import Source
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.plan import HeadActions
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
-from sim.faults import Verdict
 from sim.files.temperatures import in_phases
 from sim.files.written import verify_written
 
@@ -77,32 +77,22 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
         When that order hits something too, or cannot be written.
     """
     report(Step("the source's own order would hit the part: writing it layer by layer"))
-    job, folder = source.job, SlicedFolder()
-    order = bottom_up(job.contours)
+    job, order = source.job, bottom_up(source.job.contours)
     if (barrier := barrier_between(job.contours, source.document, order)) is not None:
         if (phases := in_phases(job, source.document)) is None:
             raise _no_order(source, collision, f"nothing may be moved across {barrier}")
         once = replace(source, job=phases[0], document=phases[1])
         return layer_by_layer(once, collision, report)
-    draft = folder.path / "layers.gcode"
-    verdict = _write(source, order, draft)
-    if not verdict.ok:
-        lines = SourceLines.of(draft, job.contours.line[order])
-        why = lines.stated(str(verdict.faults[0])) + _in_one_piece(job.contours)
-        raise _no_order(source, collision, why)
-    layered, document = read_gcode(draft)
-    if len(layered.contours) != len(order):
-        raise _no_order(source, collision, "what was written so reads as other contours")
-    layered = with_source_lines(layered, job, order)
-    layered, document = with_epochs(layered, document, job.contours.epoch[order])
+    machine = _one_head(source.machine, job.contours)
+    found = rewritten(source, job, source.document, order, machine, times=True)
+    if isinstance(found, str):
+        raise _no_order(source, collision, found + _in_one_piece(job.contours))
     note = (
         f"the source's own order would hit the part (line {collision.line}: {collision.what}); "
         "it is printed layer by layer instead, and compared with that"
     )
-    layered = replace(layered, name=job.name, notes=(*layered.notes, note))
-    return replace(
-        source, job=layered, document=document, folder=folder, original=source, plate=None
-    )
+    layered = replace(found.job, notes=(*found.job.notes, note))
+    return replace(found, job=layered, original=source)
 
 
 def bottom_up(contours: Contours) -> NDArray[np.int32]:
@@ -137,22 +127,44 @@ def barrier_between(
     return f"line {first}, above which something is set that nothing has set before"
 
 
-def _write(source: Source, order: NDArray[np.int32], draft: Path) -> Verdict:
-    """Write a source in an order, for one head that reaches all of it, and judge what is written.
+def rewritten(
+    source: Source, job: PrintJob, document: GcodeDocument, order: NDArray[np.int32],
+    machine: Machine, *, times: bool = False,
+) -> Source | str:  # fmt: skip
+    """Write a source in an order, have that judged, and return it as it reads, or why it does not.
 
-    Its times are the new order's.
+    `job` and `document` are the source as it is written: barriers may be others. `machine` has one
+    head, which reaches all of it. With `times` those that the text states become the new order's.
     """
-    job, machine = source.job, _one_head(source.machine, source.job.contours)
-    none = DependencyGraph.from_pairs(len(job.contours), np.empty((0, 2), np.int32))
-    plan = schedule(job, machine, none, [Toolpath.of(order, np.zeros(len(order), np.bool_))])
-    write_gcode(source.document, job, plan.heads[0], draft)
-    if not is_mesh(Path(source.document.path)):
+    folder = SlicedFolder()
+    draft = folder.path / "anew.gcode"
+    actions = write_order(job, document, order, machine, draft)
+    if times and not is_mesh(Path(document.path)):
         limits, own = machine.limits, source.own_limits
-        was = print_time(source.document.path, limits, own_limits=own, plate=source.plate)
+        was = print_time(document.path, limits, own_limits=own, plate=source.plate)
         now = print_time(draft, limits, own_limits=own)
         if was.total_s > 0.0:
             draft.write_bytes(restated(draft.read_bytes(), now.total_s / was.total_s))
-    return verify_written(draft, job, source.document, machine, actions=plan.heads[0])
+    verdict = verify_written(draft, source.job, source.document, machine, actions=actions)
+    if not verdict.ok:
+        lines = SourceLines.of(draft, source.job.contours.line[order])
+        return lines.stated(str(verdict.faults[0]))
+    anew, text = read_gcode(draft)
+    if len(anew.contours) != len(order):
+        return "what was written so reads as other contours"
+    anew = replace(with_source_lines(anew, source.job, order), name=source.job.name)
+    anew, text = with_epochs(anew, text, job.contours.epoch[order])
+    return replace(source, job=anew, document=text, folder=folder, plate=None)
+
+
+def write_order(
+    job: PrintJob, document: GcodeDocument, order: NDArray[np.int32], machine: Machine, draft: Path
+) -> HeadActions:
+    """Write a print in an order, whatever must come before what; returns its actions."""
+    none = DependencyGraph.from_pairs(len(order), np.empty((0, 2), np.int32))
+    plan = schedule(job, machine, none, [Toolpath.of(order, np.zeros(len(order), np.bool_))])
+    write_gcode(document, job, plan.heads[0], draft)
+    return plan.heads[0]
 
 
 def _one_head(machine: Machine, contours: Contours) -> Machine:

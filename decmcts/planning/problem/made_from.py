@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,11 +13,12 @@ from decmcts.planning.events import Report, unheard
 from decmcts.planning.options import Freedom, ProcessOrder, Rules
 from decmcts.planning.problem.fewer_changes import with_fewer_changes
 from decmcts.planning.problem.layer_by_layer import safe_problem
-from decmcts.planning.problem.own_tools import towerless
+from decmcts.planning.problem.own_tools import one_tool_each, towerless
 from decmcts.planning.problem.source import Source
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
 from sim.content.pieces import epochs_of_source, parted_source
+from sim.files.written import read_without_tower
 from sim.heads.changes import as_planned
 
 
@@ -67,9 +69,14 @@ def source_of(document: PlanDocument, named: Source) -> Source:
 def as_planned_anew(document: PlanDocument, named: Source) -> Source:
     """Return a source in the order that a plan was made of where that is another, else as it is.
 
-    That is layer by layer, or with fewer changes of tools.
+    That is layer by layer, or with fewer changes of tools. As the judge reads it where the plan
+    has no wipe tower, which heads with a tool each do without.
     """
-    return _as_made(document, named) or named
+    made = _as_made(document, named)
+    if made is None and one_tool_each(named.machine, named.job.contours):
+        job, text = read_without_tower(named.document, named.plate)
+        made = _as_made(document, replace(named, job=job, document=text, towerless=True))
+    return made or named
 
 
 def _as_made(document: PlanDocument, named: Source) -> Source | None:

@@ -1,7 +1,4 @@
-"""Plans as documents that can be judged, and the plan that passed the judge.
-
-A plan of whole contours told in the pieces of a cut print, to be drawn beside its plan.
-"""
+"""Plans as documents that can be judged, and the plan that passed the judge."""
 
 from __future__ import annotations
 
@@ -44,7 +41,6 @@ class Planned:
     history: History
     seconds: dict[str, float]
     sliced: FileTime | None = None  # the source's file, where it is G-code and was looked at
-    own_s: float | None = None  # the source's own order written anew: its whole file, if known
     head_files: tuple[bytes, ...] = ()  # text of the heads' files, judged; none: not written yet
 
     __repr__ = brief(

@@ -23,10 +23,9 @@ from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.machine_fit import MOVE_INTO_REACH, check_fits
+from decmcts.print.machine_fit import check_fits
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.team.engine.placing import place_that_fits
 
 PARK_ABOVE_MM = 5.0
 
@@ -101,8 +100,7 @@ def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
     report(Step(f"dependency graph of {len(job.contours)} contours for {machine.name}"))
     with named(source.path):
         refuse_no_feed(job.contours)
-        with place_advised(job, machine):
-            check_fits(job.contours, machine)
+        check_fits(job.contours, machine)
         machine = parked_above(machine, job.contours)
         free_seams = rules.freedom == Freedom.SEAM
         contacts = contacts_between(job, machine, free_seams=free_seams)
@@ -135,25 +133,6 @@ def named(path: Path) -> Iterator[None]:
     except InputError as error:
         kind = CollisionError if isinstance(error, CollisionError) else InputError
         raise kind(error.what, path=path, line=error.line, advice=error.advice) from error
-
-
-@contextmanager
-def place_advised(job: PrintJob, machine: Machine) -> Iterator[None]:
-    """Add to an InputError raised in the body where on the bed heads could print all, if anywhere.
-
-    That is, to one that says that no head can print some contour where it is.
-    """
-    try:
-        yield
-    except InputError as error:
-        place = place_that_fits(job, parked_above(machine, job.contours))
-        if place is None:
-            raise
-        moved = f"move the print by x {place[0]:+g}, y {place[1]:+g} mm, there heads can print all"
-        otherwise = error.advice.removeprefix(f"{MOVE_INTO_REACH}, or ")
-        raise InputError(
-            error.what, line=error.line, advice=f"{moved}; else {otherwise}"
-        ) from error
 
 
 def refuse_no_feed(contours: Contours) -> None:

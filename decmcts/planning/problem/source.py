@@ -1,9 +1,8 @@
 """A print as it was read: from G-code, or from a mesh a slicer makes G-code of.
 
-Where a slicer will put the file that it hands to a post-processing script.
-
-PrusaSlicer, SuperSlicer, OrcaSlicer and Bambu Studio export to a temporary name, run the
-script on that file, and rename it then. They say the final name in the environment.
+And where a slicer will put the file that it hands to a post-processing script: PrusaSlicer,
+SuperSlicer, OrcaSlicer and Bambu Studio export to a temporary name, run the script on that file,
+and rename it then. They say the final name in the environment.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """What a person says of heads: who prints no more and where it stands, and who is late.
 
-Which tools print for others whose heads print no more, as a person allows.
-
-It is another filament: said plainly, and refused where the file says that it does not fit.
+And which tools print for others whose heads print no more.
 """
 
 from __future__ import annotations
@@ -150,15 +148,7 @@ def _point(text: str, place: str, head: Head) -> Point:
 
 OPTION = "--print-with"
 _PAIR = re.compile(r"([0-9]{1,4})=([0-9]{1,4})", re.ASCII)
-_STATED = re.compile(
-    rb"^[;#][ \t]*(filament_diameter|nozzle_diameter|extrusion_multiplier|filament_flow_ratio|"
-    rb"filament_type)[ \t]*=[ \t]*([^\r\n]*)", re.M,
-)  # fmt: skip
-_DIAMETER = "filament_diameter"
-_NOTES = {
-    "nozzle_diameter": "nozzle", "extrusion_multiplier": "flow", "filament_flow_ratio": "flow",
-    "filament_type": "filament",
-}  # fmt: skip
+_DIAMETERS = re.compile(rb"^[;#][ \t]*filament_diameter[ \t]*=[ \t]*([^\r\n]*)", re.M)
 
 
 def other_tools(stated: Sequence[str], machine: Machine, contours: Contours) -> dict[int, int]:
@@ -206,13 +196,7 @@ def _refused(text: str, what: str, advice: str) -> InputError:
 
 
 def refuse_unfit(other: Mapping[int, int], machine: Machine, gone: Sequence[str]) -> None:
-    """Raise InputError unless other tools' heads print, and those print no more that they are for.
-
-    Parameters
-    ----------
-    gone : Sequence[str]
-        Heads of the machine that print no more.
-    """
+    """Raise InputError unless other tools' heads print, and those are `gone` that they are for."""
     for due, has in other.items():
         text = f"{due}={has}"
         living = [head for head in machine.heads if head.name not in gone]
@@ -238,37 +222,18 @@ def needed(other: Mapping[int, int], machine: Machine, contours: Contours) -> di
     return {a: b for a, b in other.items() if a in tools and a not in has and b in has}
 
 
-def differences(source: Source, other: Mapping[int, int]) -> list[str]:
-    """Return in words what the source's file says to be another with these tools.
+def refuse_other_diameters(source: Source, other: Mapping[int, int]) -> None:
+    """Raise InputError where the filaments of two tools differ in diameter, as the file states it.
 
-    Raises
-    ------
-    InputError
-        Where their filaments differ in diameter: so much of E is another amount then.
+    So much of E is another amount then.
     """
-    stated = _stated(load_text(source.path, source.plate))
-    found = list[str]()
+    stated = _DIAMETERS.findall(load_text(source.path, source.plate)) if other else []
+    values = re.split(r"[,;]", stated[-1].decode("utf-8", "replace")) if stated else []
+    mm = [value.strip().strip('"') for value in values]
     for due, has in other.items():
-        for key, values in stated.items():
-            if max(due, has) >= len(values) or values[due] == values[has]:
-                continue
-            if key == _DIAMETER:
-                raise InputError(
-                    f"{OPTION} {due}={has}: filament of tool {due} is {values[due]} mm thick, of "
-                    f"tool {has} {values[has]} mm, so as much of it is another amount",
-                    path=source.path,
-                )
-            found.append(
-                f"tool {has} has another {_NOTES[key]} ({values[has]}) than tool {due} "
-                f"({values[due]})"
+        if max(due, has) < len(mm) and mm[due] != mm[has]:
+            raise InputError(
+                f"{OPTION} {due}={has}: filament of tool {due} is {mm[due]} mm thick, of tool "
+                f"{has} {mm[has]} mm, so as much of it is another amount",
+                path=source.path,
             )
-    return found
-
-
-def _stated(text: bytes) -> dict[str, list[str]]:
-    """Return what a slicer states of each tool, by its name for it, the last time it does."""
-    found = dict[str, list[str]]()
-    for key, value in _STATED.findall(text):
-        each = re.split(r"[,;]", value.decode("utf-8", "replace"))
-        found[key.decode()] = [one.strip().strip('"') for one in each]
-    return found

@@ -28,10 +28,7 @@ BESIDE_MM = 0.01  # more than it must be: files round
 def living_machine(machine: Machine, fenced: Mapping[str, Stands], rest: Contours) -> Machine:
     """Return the machine without heads that are `fenced` where they stand.
 
-    Parameters
-    ----------
-    rest : Contours
-        What is left to print: each head keeps the side from which it reaches the most.
+    Each head keeps the side from which it reaches the most of the `rest`.
 
     Raises
     ------

@@ -2,8 +2,6 @@
 
 The files of a rest begin at the parks, and where a print was broken off heads stand elsewhere.
 
-Routes of heads to their parks from wherever they stand, one after another.
-
 A head goes straight up above all that is printed, across, and down at its park. It goes when its
 route keeps clear of wherever all others may stand by then, those that failed included. A route
 names the axes that move and no others, so it is one for all places in which its head may stand.
@@ -71,16 +69,8 @@ def park_files(
 ) -> tuple[ParkFile, ...]:  # fmt: skip
     """Return the files in the order to run them; none where all heads stand at their parks.
 
-    Parameters
-    ----------
-    document : PlanDocument
-        The plan that was broken off.
-    state : PrintState
-        Where heads were seen last; one that was not seen is at its park.
-    machine : Machine
-        With all heads, those that print no more too.
-    fenced : Mapping[str, Stands]
-        Heads that do not move, and where they stand.
+    By the `state` heads were seen last; one that was not seen is at its park. `machine` has all
+    heads; those that are `fenced` do not move.
 
     Raises
     ------
@@ -205,16 +195,8 @@ def routes_to_parks(
 ) -> list[Route]:  # fmt: skip
     """Return routes in the order in which they keep clear; none of heads that are at their parks.
 
-    Parameters
-    ----------
-    machine : Machine
-        With all heads, those that failed too.
-    standing : Mapping[str, NDArray]
-        Lines on which each head stands somewhere that is to go, (k, 3) mm.
-    fenced : Mapping[str, Stands]
-        Where each head stands that does not move.
-    top_mm : float
-        How high all stands that is printed.
+    `standing` has lines on which each head stands somewhere that is to go, (k, 3) mm; those that
+    are `fenced` do not move. All that is printed stands up to `top_mm`.
 
     Raises
     ------

@@ -7,7 +7,7 @@ what is printed stands on the bed from the beginning: all travels clear it, and 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,24 +15,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.launch import launch as launch_agents
 from decmcts.errors import InputError
-from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.gcode import GcodeDocument, read_gcode, write_gcode
+from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.writing.parts import Stretch, with_stretches
 from decmcts.formats.gcode.writing.tools_left import printed_with, with_tool_left
-from decmcts.planning.compiling.child import compilation_reported, compiling_beside
-from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.compiling.child import compilation_reported
 from decmcts.planning.events import Report, Step, Stop, never, unheard
-from decmcts.planning.launch import crew_started
+from decmcts.planning.launch import launched
 from decmcts.planning.options import Cut, Rules, TeamSearch
+from decmcts.planning.problem.layer_by_layer import write_order
 from decmcts.planning.problem.made_from import source_of
 from decmcts.planning.problem.own_tools import one_tool_each, team_problem
 from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.fenced import OPTION, differences, needed
+from decmcts.planning.replanning.fenced import OPTION, needed, refuse_other_diameters
 from decmcts.planning.replanning.living import living_machine, slowed
 from decmcts.planning.replanning.park_files import ParkFile, park_files, park_paths
 from decmcts.planning.replanning.rest import (
@@ -46,17 +44,15 @@ from decmcts.planning.replanning.rest import (
     stretches_left,
 )
 from decmcts.planning.result import Result
-from decmcts.planning.team.pipeline import Launch, plan_team
+from decmcts.planning.team.pipeline import Launch
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours, taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Machine, Stands
 from decmcts.print.plan import OrderRules, PlanDocument
 from decmcts.print.print_state import PrintState
-from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.space import able_heads
-from decmcts.team.schedule.joint_plan import schedule
 from sim.content.rest import check_rest
 from sim.faults import Verdict
 
@@ -130,20 +126,10 @@ def rest_of(
     slower: Mapping[str, float] | None = None,
     print_with: Mapping[int, int] | None = None,
 ) -> Rest:
-    """Return what is left of a print.
+    """Return what is left of a print, for heads that are not `fenced` where they stand.
 
-    Parameters
-    ----------
-    document : PlanDocument
-        The plan that was carried out.
-    source : Source
-        The print it was made from.
-    fenced : Mapping[str, Stands]
-        Heads that print no more, and where they stand.
-    slower : Mapping[str, float] | None
-        Heads that were seen to be late, and how many times as long as planned they take.
-    print_with : Mapping[int, int] | None
-        Tools, and those that print for them where no living head has them (`other_tools`).
+    `slower` heads take so many times as long as planned. `print_with` has tools, and those that
+    print for them where no living head has them (`other_tools`).
 
     Raises
     ------
@@ -224,6 +210,7 @@ def _with_others(
     document: PlanDocument, source: Source, rows: NDArray[np.bool_], other: Mapping[int, int]
 ) -> list[str]:  # fmt: skip
     """Return in words what of these contours is printed with other tools, (n,) `rows`."""
+    refuse_other_diameters(source, other)
     tool, found = document.contours.tool[rows], list[str]()
     for due, has in other.items():
         count = len(np.unique(document.contours.sources[rows][tool == due]))
@@ -232,7 +219,6 @@ def _with_others(
                 f"{count} contour{'s' * (count != 1)} of tool {due} "
                 f"{'are' if count != 1 else 'is'} printed with tool {has}'s filament"
             )
-            found += differences(source, {due: has})
     return found
 
 
@@ -272,12 +258,9 @@ def _written_so(
     stretches: Sequence[Stretch],
 ) -> Source:  # fmt: skip
     job, document = with_stretches(job, document, stretches)
-    folder, n = SlicedFolder(), len(stretches)
+    folder, order = SlicedFolder(), np.arange(len(stretches), dtype=np.int32)
     draft = folder.path / "rest.gcode"
-    none = DependencyGraph.from_pairs(n, np.empty((0, 2), np.int32))
-    lone = parked_above(lone_machine(machine), job.contours)
-    plan = schedule(job, lone, none, [Toolpath.as_sliced(n)])
-    write_gcode(document, job, plan.heads[0], draft)
+    write_order(job, document, order, parked_above(lone_machine(machine), job.contours), draft)
     anew, text = read_gcode(draft)
     _refuse_altered(source, job, anew)
     return replace(
@@ -322,19 +305,10 @@ def _refuse_altered(source: Source, due: PrintJob, found: PrintJob) -> None:
         )  # fmt: skip
 
 
-def search_of(
-    document: PlanDocument, time_limit_s: float, seed: int, *, cut: Cut | None = None,
-    weld_limit_s: float | None = None,
-) -> TeamSearch:  # fmt: skip
-    """Return a search for the rest of a plan, which may be cut as the plan was.
-
-    `cut` and `weld_limit_s` say another rule.
-    """
+def search_of(document: PlanDocument, time_limit_s: float, seed: int) -> TeamSearch:
+    """Return a search for the rest of a plan, which may be cut as the plan was."""
     made = OrderRules() if document.rules is None else document.rules
-    limit_s = made.weld_limit_s if weld_limit_s is None else weld_limit_s
-    return TeamSearch(
-        time_limit_s, seed, cut=Cut(made.cut) if cut is None else cut, weld_limit_s=limit_s
-    )
+    return TeamSearch(time_limit_s, seed, cut=Cut(made.cut), weld_limit_s=made.weld_limit_s)
 
 
 def replan(
@@ -363,18 +337,10 @@ def replan(
         _refuse_several_tools(rest)
     if heads == 1:
         search = replace(search, cut=Cut.NONE)
-    waiting = crew_started(heads) if agents is None else nullcontext(None)
-    with (
-        compilation_reported(report) as reporting,
-        compiling_beside([TEAM], reporting),
-        waiting as crew,
-    ):
-        problem = rest_problem(rest, rules, reporting)
-        agree = partial(launch_agents, crew=crew) if agents is None else agents
-        planned = plan_team(
-            problem, search, writes=writes, report=reporting, stop=stop, agents=agree
-        )  # fmt: skip
-        return Result(planned, search)
+    return launched(
+        partial(rest_problem, rest, rules), heads, search, writes=writes, report=report, stop=stop,
+        agents=agents,
+    )  # fmt: skip
 
 
 def _refuse_several_tools(rest: Rest) -> None:

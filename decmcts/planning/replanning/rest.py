@@ -1,6 +1,4 @@
-"""What is left of a print: stretches to print, and material that stands on the bed.
-
-What is left of the source's contours, in as few stretches as there can be.
+"""What is left of a print: material on the bed, and stretches to print, as few as there can be.
 
 A plan may have cut contours. What is left of one is joined again where it follows on, without
 the cut: a contour of which nothing is printed is the source's own.
@@ -139,12 +137,9 @@ class LeftOut:
 
 
 def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.bool_]) -> LeftOut:
-    """Return what of the rest cannot be printed, with all that must come after it.
+    """Return what of the `rest`, (n,), no living head is `able` to print, (n,).
 
-    Parameters
-    ----------
-    rest : (n,) contours of the plan that are left to print
-    able : (n,) contours that some living head can print
+    With all that must come after it.
     """
     apart = rest & ~able
     rows = apart.copy()
@@ -229,13 +224,7 @@ def stretches_left(
 
     What no one head can print joined stays parted as the plan has it.
 
-    Parameters
-    ----------
-    job : PrintJob
-        The source.
-    rows : (n,) contours of the plan
-    able : Able
-        Tells of contours which a head can print.
+    `job` is the source, `rows` (n,) are contours of the plan.
     """
     laid = _laid(document, job, rows)
     if not len(laid.of):

@@ -2,9 +2,7 @@
 
 What happens between heads is theirs: they tell each other over zenoh what has happened, and wait
 for it. The launcher hears all controllers, and acts only where a head fails (`failing`), the rest
-is to be planned anew (`renewing`), or a person asks (`asking`).
-
-What a person may ask of a run: pause, resume, abort, and that a head is fenced.
+is to be planned anew (`renewing`), or a person asks (`Asking`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""What the controllers of a run stated, plan by plan.
+"""What the controllers of a run stated, plan by plan, and what follows from it.
 
-What follows from it: where heads were, what is printed, who waited. Nothing here asks an agent: a
-controller's own words are what happened.
+That is where heads were, what is printed, who waited. Nothing here asks an agent.
 """
 
 from __future__ import annotations

@@ -7,10 +7,6 @@
 
 What is planned is left when another head fails meanwhile: it is not true any more. While a head is
 lost nothing is planned, and the others do all they can.
-
-A plan by which heads go to their parks from wherever they stand, one after another.
-
-One that stands at its park has no action; it takes up the plan too, so all know that it stands.
 """
 
 from __future__ import annotations
@@ -117,20 +113,12 @@ def renew(begin: Begin, options: RunOptions, hand_over: Callable[[News], None]) 
 
 @dataclass(slots=True)
 class Renewal:
-    """How far a team is with what comes behind a failure.
-
-    Parameters
-    ----------
-    hand_over : Callable
-        Takes what the thread finds, to be given to `take` by the thread of the launcher.
-    sources : dict[int, Source]
-        The print of each plan that prints, by its number; a plan without one is not renewed.
-    """
+    """How far a team is with what comes behind a failure."""
 
     team: Team
     options: RunOptions
-    hand_over: Callable[[News], None]
-    sources: dict[int, Source]
+    hand_over: Callable[[News], None]  # takes what the thread finds; the launcher's gives it back
+    sources: dict[int, Source]  # of plans that print, by number; one without is not renewed
     unplanned: set[int] = field(default_factory=set)  # fenced, and no plan is without them yet
     held: dict[int, tuple[int, int]] = field(default_factory=dict)  # plan, and actions released
     reason: str = ""  # why the rest is not planned
@@ -309,18 +297,10 @@ def parking_plan(
     document: PlanDocument, machine: Machine, standing: Mapping[str, Point],
     fenced: Mapping[str, Point],
 ) -> PlanDocument | None:  # fmt: skip
-    """Return a plan by which heads go to their parks; None where none is to go.
+    """Return a plan by which heads go to their parks one after another; None where none is to go.
 
-    Parameters
-    ----------
-    document : PlanDocument
-        The plan that is broken off.
-    machine : Machine
-        With all heads, those that failed too.
-    standing : Mapping[str, Point]
-        Where each head stands that is to go, mm, or is at its park.
-    fenced : Mapping[str, Point]
-        Where each head stands that does not move.
+    Those at their parks have no action; they take up the plan too, so all know that they stand.
+    `machine` has all heads; `standing` are those that are to go, or are at their parks.
 
     Raises
     ------

@@ -32,39 +32,21 @@ from sim.controllers.nearness import Near
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """What was carried out.
-
-    Parameters
-    ----------
-    plans : tuple[Carried, ...]
-        The plan, and those that took its place; with all events.
-    makespan_s, planned_s : float
-        When the last action ended, and when it should have by the first plan.
-    contours, unprinted : int
-        How many the print has, and how many are not printed whole.
-    near : tuple[Near, ...]
-        How near heads came to each other, by their controllers' words.
-    left : tuple[str, ...]
-        What is not finished, in words.
-    reason : str
-        Why the rest was not planned, if it was not.
-    others : tuple[str, ...]
-        What was planned to be printed with another tool, in words.
-    """
+    """What was carried out."""
 
     names: tuple[str, ...]
-    plans: tuple[Carried, ...]
-    makespan_s: float
-    planned_s: float
+    plans: tuple[Carried, ...]  # the plan, and those that took its place; with all events
+    makespan_s: float  # when the last action ended
+    planned_s: float  # when it should have by the first plan
     contours: int
-    unprinted: int
+    unprinted: int  # contours that are not printed whole
     failures: tuple[Failure, ...]
     moved: Mapping[int, tuple[float, Point]]
-    near: tuple[Near, ...]
+    near: tuple[Near, ...]  # how near heads came to each other, by their controllers' words
     waits: tuple[RecordedWait, ...]
-    left: tuple[str, ...]
-    reason: str
-    others: tuple[str, ...] = ()
+    left: tuple[str, ...]  # what is not finished, in words
+    reason: str  # why the rest was not planned, if it was not
+    others: tuple[str, ...] = ()  # what was planned to be printed with another tool, in words
 
     __repr__ = brief(
         "names", "plans", "makespan_s", "planned_s", "contours", "unprinted", "left", "reason"
@@ -106,23 +88,17 @@ def run(
 
     Parameters
     ----------
-    document : PlanDocument
-        The plan.
     source : Source | None
-        The print it was made from; without it nothing is planned anew when a head fails.
-    options : RunOptions
-        How fast, how late and how lossy.
+        The print the plan was made from; without it nothing is planned anew when a head fails.
     asked : queue.Queue[str | None] | None
         Where a person's lines arrive while it runs (docs/run.md); None behind the last.
-    report, show
-        Told what happens, and how heads stand.
     on_start : Callable
         Told the process ids of each head's agent and controller, by its name.
     on_launcher : Callable
         Told the launcher before it begins, for trials that look at its clock.
     keep : Callable
-        Told all plans that print and that heads began, with what has happened in them, again and
-        again, and last when all processes have ended, whatever ended the run.
+        Told all plans that print and that heads began, again and again, and last when all
+        processes have ended.
 
     Raises
     ------

@@ -2,8 +2,6 @@
 
 Nothing is decided here. What happens when a head fails is `failing`'s, what comes of the rest
 `renewing`'s.
-
-What the launcher knows of each head, and how that is shown.
 """
 
 from __future__ import annotations
@@ -32,18 +30,10 @@ WAITING = 1e-6  # pace of the clock until all heads are there
 
 @dataclass(slots=True)
 class Team:
-    """The heads of the first plan, by their places in it, and all plans so far.
+    """The heads of the first plan, by their places in it, and all plans so far."""
 
-    Parameters
-    ----------
-    document : PlanDocument
-        The first plan.
-    folder : Path
-        Where plans and the clock are written, for the processes of heads.
-    """
-
-    document: PlanDocument
-    folder: Path
+    document: PlanDocument  # the first plan
+    folder: Path  # where plans and the clock are written, for the processes of heads
     report: Report
     heads: list[Standing] = field(init=False)
     clock: PrintClock = field(init=False)

@@ -1,29 +1,23 @@
 """Several heads, from problem to judged plan: the agents take the place of one head's search.
 
 No output is written here. See ARCHITECTURE.md, which follows one planning round.
-
-Prints that lie along a rail where heads could share them only if they were turned.
-
-How often heads stand idle by a plan, and what their files do there, as figures.
 """
 
 from __future__ import annotations
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
-from agents.launching.status import AgentStatus, LaunchError, OnProgress
-from decmcts.feasibility.graph import DependencyGraph
+from agents.launching.status import AgentStatus, LaunchError
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.planning.compiling.child import finish_beside
@@ -33,18 +27,14 @@ from decmcts.planning.one_head.pipeline import search_alone
 from decmcts.planning.options import Cut, Objective, PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, source_plan
-from decmcts.planning.problem.print_problem import PrintProblem, named, place_advised
+from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.cutting import Swept, best_sweep
 from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
-from decmcts.print.contours import Role
 from decmcts.print.cut import late_contours
-from decmcts.print.job import PrintJob
-from decmcts.print.kinematics import widest
 from decmcts.print.lags_kernels import Lags, no_lags
-from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.metrics import IdleMetrics, Metrics
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
@@ -53,7 +43,6 @@ from decmcts.print.stands import practice_of, primed_before, stands_of
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
-from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import able_heads
 from decmcts.team.schedule.cooling import find_lags, print_times
 from decmcts.team.schedule.entries import (
@@ -69,24 +58,8 @@ WELD_ROUNDS = 4  # of sweeps in which contours stay whole whose welds would be t
 ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
 
 
-class Launch(Protocol):
-    """Has the agents agree; `agents.launch.launch`, or in a test what stands for it."""
-
-    def __call__(
-        self,
-        job: PrintJob,
-        machine: Machine,
-        graph: DependencyGraph,
-        *,
-        stopping: Stopping,
-        seed: int,
-        lags: Lags | None,
-        start: StatedOrder | None,
-        parameters: Mapping[str, float] | None,
-        on_progress: OnProgress | None,
-    ) -> LaunchResult:
-        """Return what they agreed on; raises LaunchError if that is nothing."""
-        ...
+Launch = Callable[..., LaunchResult]
+"""Has the agents agree; `agents.launch.launch`, or in a test what stands for it."""
 
 
 def plan_team(
@@ -143,13 +116,14 @@ def prepared(
     alone = begun(partial(_lone_order, problem, search, before, stop))  # beside the judge
     if writes:
         refuse_for_heads(problem.document, problem.job, problem.machine)
-        problem = with_note(problem, unprimed_note(problem.document))
-    problem = with_note(problem, narrow_note(problem.job, problem.machine))
-    with named(problem.path):
-        _refuse_shut_in(problem.job, problem.machine)
+        if (note := unprimed_note(problem.document)) is not None:
+            problem = replace(problem, job=replace(problem.job, notes=(*problem.job.notes, note)))
+    job, machine, graph = problem.job, problem.machine, problem.graph
+    with named(problem.path):  # some head may print each contour beside all that are parked
+        able = able_heads(job, machine)
+        require_printable(job.contours, machine, able, live=range(len(machine.heads)))
     refuse_unsound(problem, before)
     report(Sound())
-    job, machine, graph = problem.job, problem.machine, problem.graph
     if not alone.done():
         report(Step("an order for one head alone"))
     lags, lone, lone_plan = alone.result()
@@ -226,13 +200,6 @@ def cut_for(ready: Prepared, found: Swept | None) -> Prepared:
     )
 
 
-def _refuse_shut_in(job: PrintJob, machine: Machine) -> None:
-    """Raise InputError unless some head may print each contour; says where on the bed it could."""
-    able = able_heads(job, machine)
-    with place_advised(job, machine):
-        require_printable(job.contours, machine, able, live=range(len(machine.heads)))
-
-
 def _bound(problem: PrintProblem, entries: SeamEntries | None) -> Future[Bound]:
     """Begin to find a bound; agents may have to share the processor with it."""
     bounded = partial(makespan_bound, problem.job, problem.machine, problem.graph, entries=entries)
@@ -246,13 +213,6 @@ def _lone_order(
     limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
     local = Search(limit_s, search.seed, PlannerName.LOCAL, Objective.TIME)
     return search_alone(problem, local, before, stop=stop)
-
-
-def with_note(problem: PrintProblem, note: str | None) -> PrintProblem:
-    """Return the problem with one more note on the source, if there is one."""
-    if note is None:
-        return problem
-    return replace(problem, job=replace(problem.job, notes=(*problem.job.notes, note)))
 
 
 def lags_of(problem: PrintProblem, before: PlanDocument) -> Lags:
@@ -300,38 +260,6 @@ def _history(outcome: Outcome) -> History:
             best = makespan
             history.append((seconds, makespan))
     return np.array(history, np.float64).reshape(-1, 2)
-
-
-WORTH = 0.3  # of the print more that two heads could print at once, turned
-
-
-def narrow_note(job: PrintJob, machine: Machine) -> str | None:
-    """Return the line to say where a print turned by 90 degrees could be shared by more.
-
-    Two heads that keep L mm apart along a rail can print 2 (B - L) / B of an even part of width B
-    at once, at most all of it. Skirts do not count. The rest of a print that stands on the bed
-    already cannot be turned.
-    """
-    contours = job.contours
-    mine = np.repeat(contours.role != Role.SKIRT_BRIM, np.diff(contours.offsets))
-    kept = widest(machine)
-    if kept is None or job.printed is not None or not mine.any():
-        return None
-    apart = kept.least_mm
-    sizes = np.ptp(contours.points[mine, :2], axis=0)
-    along, across = float(sizes[kept.axis]), float(sizes[1 - kept.axis])
-    if shared(across, apart) < shared(along, apart) + WORTH:
-        return None
-    x, y = "xy"[kept.axis], "yx"[kept.axis]
-    return (
-        f"the print is {along:.0f} mm wide along {x}, where heads keep {apart:.0f} mm apart, and "
-        f"{across:.0f} mm along {y}: turned by 90° in the slicer, heads could share more of it"
-    )
-
-
-def shared(width_mm: float, apart_mm: float) -> float:
-    """Return which part of an even print of a width two heads can print at once, 0 to 1."""
-    return float(np.clip(2.0 * (width_mm - apart_mm) / max(width_mm, 1e-9), 0.0, 1.0))
 
 
 _COOLS = re.compile(rb"^M104 [^\r\n]* " + re.escape(IDLE_MARK.encode()) + rb"\r?$", re.M)

@@ -1,7 +1,4 @@
-"""Judging a plan or finished files again, by the rules they state or by others.
-
-Several files, one a head, verified together: `decmcts verify STEM_*.gcode`.
-"""
+"""Judging a plan or finished files again, by the rules they state or by others."""
 
 from __future__ import annotations
 
@@ -9,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
@@ -19,16 +17,16 @@ from decmcts.formats.gcode.text.source_text import has_plates, line_with_number,
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import is_mesh
 from decmcts.formats.plans.plan_json import is_plan, read_plan
-from decmcts.planning.events import Note, Report, unheard
-from decmcts.planning.problem.made_from import as_planned_anew, is_made_from
+from decmcts.planning.events import Note, Report
+from decmcts.planning.problem.made_from import as_planned_anew
+from decmcts.planning.problem.own_tools import one_tool_each
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.problem.source import Source, machine_for
-from decmcts.planning.verifying.held import AS_STATED, Held
+from decmcts.planning.verifying.held import Held
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.pieces import epochs_of_source, parted_source
-from sim.content.rest import RestCheck, check_rest
 from sim.content.same_print import is_other_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.temperatures import in_phases
@@ -42,32 +40,30 @@ from sim.rules.order_rules import usual_rules
 from sim.verify import verify_plan
 
 
+class Judging(NamedTuple):
+    """How to judge, as `decmcts.verify` has it."""
+
+    machine: str | Machine | None
+    held: Held
+    seed: int
+    trials: int
+    plate: int | None
+
+
 def judge_several(
-    results: list[Path],
-    source: Path | None,
-    plan: Path | None,
-    machine: str | Machine | None,
-    held: Held,
-    *,
-    seed: int,
-    trials: int,
-    plate: int | None = None,
-    without_tower: bool = False,
+    results: list[Path], source: Path | None, plan: Path | None, asked: Judging
 ) -> Verdict:
     """Verify the files of all heads together, with the plan they were made from or without."""
     given = source_of(source)
     if plan is None:
-        if held.min_layer_time_s is not None:
+        if asked.held.min_layer_time_s is not None:
             raise InputError(
                 "min_layer_time_s cannot be checked in G-code alone", advice="add --plan plan.json"
             )
-        return judge_heads_alone(
-            results, given, machine, held, seed=seed, trials=trials, plate=plate,
-            without_tower=without_tower,
-        )  # fmt: skip
+        return judge_heads_alone(results, given, asked)
     document = read_plan(plan)
-    read = read_as_planned(document, given, plate_of(given, plate), without_tower=without_tower)
-    verdict = judge_plan(document, read, machine, held, seed=seed, trials=trials)
+    read = read_as_planned(document, given, plate_of(given, asked.plate))
+    verdict = judge_plan(document, read, asked)
     if is_other_print(verdict.faults):
         return verdict
     files = judge_heads(results, read, document)
@@ -75,42 +71,25 @@ def judge_several(
     return replace(verdict, faults=every, counts=counts)
 
 
-def judge(
-    result: Path,
-    source: Path | None,
-    machine: str | Machine | None,
-    held: Held = AS_STATED,
-    *,
-    seed: int,
-    trials: int,
-    plate: int | None = None,
-    without_tower: bool = False,
-    report: Report = unheard,
-) -> Verdict:
+def judge(result: Path, source: Path | None, asked: Judging, report: Report) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if is_plan(result):
         plan, read = read_plan(result), None
         if source is not None:
-            of_source = plate_of(source, plate)
-            read = read_as_planned(plan, source, of_source, without_tower=without_tower)
-        return judge_plan(plan, read, machine, held, seed=seed, trials=trials)
-    if without_tower:
+            read = read_as_planned(plan, source, plate_of(source, asked.plate))
+        return judge_plan(plan, read, asked)
+    if rules := asked.held.names():
         raise InputError(
-            "the file of one head keeps its wipe tower", path=result,
-            advice="leave --without-tower out",
-        )  # fmt: skip
-    if asked := held.names():
-        raise InputError(
-            f"{', '.join(asked)}: only the order of a plan.json is held to rules",
+            f"{', '.join(rules)}: only the order of a plan.json is held to rules",
             path=result,
             advice="leave them out, or verify the plan.json",
         )
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
     refuse_mesh(source, "verify against the slicer's G-code (`plan --sliced`), or verify plan.json")
-    of_result, of_source = plate_of(result, plate), plate_of(source, plate)
+    of_result, of_source = plate_of(result, asked.plate), plate_of(source, asked.plate)
     refuse_head_file(result, of_result)
-    chosen, origin = machine_for(machine, source, of_source)
+    chosen, origin = machine_for(asked.machine, source, of_source)
     if origin:
         report(Note(origin))
     job, document = read_gcode(source, of_source)
@@ -123,21 +102,13 @@ def judge(
     return replace(verdict, faults=(*numbered, *verdict.faults))
 
 
-def judge_plan(
-    document: PlanDocument,
-    source: Source | None,
-    machine: str | Machine | None,
-    held: Held,
-    *,
-    seed: int,
-    trials: int,
-) -> Verdict:
+def judge_plan(document: PlanDocument, source: Source | None, asked: Judging) -> Verdict:
     """Verify a plan by the rules it states, or by those that `held` names.
 
     Stating a shorter `min_layer_time_s` than the source's slicer keeps is a fault, unless `held`
     names one.
     """
-    digest = digest_of(document)
+    held, machine = asked.held, asked.machine
     rule = held.min_layer_time_s
     rules = held.over(document.rules or usual_rules(document.machine)) if held.any_rule else None
     job = None
@@ -149,39 +120,16 @@ def judge_plan(
         source=job,
         machine=load_machine(machine) if isinstance(machine, str) else machine,
         rules=rules,
-        digest=digest,
-        trials=trials,
-        seed=seed,
+        digest=digest_of(document),
+        trials=asked.trials,
+        seed=asked.seed,
     )
+    if source is not None and source.towerless:
+        verdict = _without_tower(verdict)
     if job is None or rule is not None or is_other_print(verdict.faults):
         return verdict
     less = check_stated(document, job, rules or document.rules or usual_rules(document.machine))
     return replace(verdict, faults=(*verdict.faults, *less))
-
-
-def judge_rest(plan: Path, source: Path | None, whole: Path) -> RestCheck:
-    """Check the source of a rest against the plan that was broken off.
-
-    Tools print for others where the plan of the rest says so. What is left out no plan says.
-
-    Raises
-    ------
-    InputError
-        Where the plan or the source of the rest is missing, or that of the whole print is named.
-    """
-    if not is_plan(plan):
-        raise InputError("the plan of the rest is missing", advice="add --plan rest.json")
-    if source is None:
-        raise InputError("the source of the rest is missing", advice="add --source rest.gcode")
-    rest, broken, (job, text) = read_plan(plan), read_plan(whole), read_gcode(source)
-    if is_made_from(broken, job, text) and not is_made_from(rest, job, text):
-        raise InputError(
-            "this is the source of the plan that was broken off; the rest has one of its own",
-            path=source,
-            advice="name the one that `replan -o rest` wrote beside the heads' files: "
-            "--source rest.gcode",
-        )
-    return check_rest(job.contours, rest.printed, broken, dict(rest.print_with))
 
 
 def is_whole_team(path: Path, plate: int | None = None) -> bool:
@@ -246,22 +194,12 @@ def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     return [path for _, path in headers], [head for (head, _), _ in headers]
 
 
-def read_as_asked(
-    source: Path, plate: int | None, *, without_tower: bool
-) -> tuple[PrintJob, GcodeDocument]:
-    """Read a source; without its wipe tower if that was to be left out."""
-    job, document = read_gcode(source, plate)
-    return read_without_tower(document, plate) if without_tower else (job, document)
-
-
-def read_as_planned(
-    plan: PlanDocument, source: Path, plate: int | None, *, without_tower: bool
-) -> Source:
-    """Read a source as asked, in the order its plan was made of.
+def read_as_planned(plan: PlanDocument, source: Path, plate: int | None) -> Source:
+    """Read a source as its plan was made of it: in which order, with its wipe tower or without.
 
     What is read stands in a folder that is gone with the source that is returned.
     """
-    job, document = read_as_asked(source, plate, without_tower=without_tower)
+    job, document = read_gcode(source, plate)
     return as_planned_anew(plan, Source(source, job, document, plan.machine, plate=plate))
 
 
@@ -281,15 +219,13 @@ def judge_heads(paths: Sequence[Path], source: Source, plan: PlanDocument) -> Ve
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
 
-def judge_heads_alone(
-    paths: Sequence[Path], source: Path, machine: str | Machine | None, held: Held, *,
-    seed: int, trials: int, plate: int | None = None, without_tower: bool = False,
-) -> Verdict:  # fmt: skip
+def judge_heads_alone(paths: Sequence[Path], source: Path, asked: Judging) -> Verdict:
     """Verify the files of all heads by what they do on the machine, without their plan.
 
     The order is held to the default rules, with those that `held` names in their place.
     """
-    job, document = read_as_asked(source, plate, without_tower=without_tower)
+    machine, held = asked.machine, asked.held
+    job, document = read_gcode(source, asked.plate)
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
@@ -303,26 +239,37 @@ def judge_heads_alone(
         text += "" if machine else " (another is named with --machine)"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
     rules = held.over(usual_rules(chosen)) if held.any_rule else None
-    judge = partial(_judge_alone, files, machine=chosen, rules=rules, seed=seed, trials=trials)
-    found = judge(source=(job, document))
-    for taken in () if found.ok else _taken_otherwise(job, document):
-        found = min(judge(source=taken), found, key=lambda verdict: len(verdict.faults))
+    judged = partial(_judge_alone, files, machine=chosen, rules=rules, asked=asked)
+    found = judged(source=(job, document))
+    for taken in () if found.ok else _taken_otherwise(job, document, chosen, asked.plate):
+        other = judged(source=taken)
+        if len(taken[0].contours) < len(job.contours):
+            other = _without_tower(other)
+        found = min(other, found, key=lambda verdict: len(verdict.faults))
     return replace(found, faults=(*faults, *found.faults))
 
 
+def _without_tower(verdict: Verdict) -> Verdict:
+    return replace(verdict, checked=(*verdict.checked, "the source's wipe tower is left out"))
+
+
 def _taken_otherwise(
-    job: PrintJob, document: GcodeDocument
+    job: PrintJob, document: GcodeDocument, machine: Machine, plate: int | None
 ) -> Iterator[tuple[PrintJob, GcodeDocument]]:
     """Yield other ways in which a source may have been taken."""
     if (phases := in_phases(job, document)) is not None:
         yield phases
-    if (free := without_changes(job, document)) is not None:
-        yield free
+    readings = [(job, document)]
+    if one_tool_each(machine, job.contours):
+        readings.append(read_without_tower(document, plate))
+    for reading in readings:
+        if (free := without_changes(*reading)) is not None:
+            yield free
 
 
 def _judge_alone(
     files: Sequence[HeadFile], *, source: tuple[PrintJob, GcodeDocument],
-    machine: Machine, rules: OrderRules | None, seed: int, trials: int,
+    machine: Machine, rules: OrderRules | None, asked: Judging,
 ) -> Verdict:  # fmt: skip
     """Verify files of heads against one reading of their source."""
     job, document = source
@@ -331,7 +278,7 @@ def _judge_alone(
         return Verdict(tuple(altered))
     # Its times are made up. How near signals are is judged by the files' own lines, below.
     made_up = replace(plan, machine=replace(plan.machine, signal_interval_s=0.0))
-    verdict = verify_plan(made_up, source=job, rules=rules, trials=trials, seed=seed)
+    verdict = verify_plan(made_up, source=job, rules=rules, trials=asked.trials, seed=asked.seed)
     more = verify_heads_on(machine, files, plan.plan, job, document, read=True)
     every = (*altered, *verdict.faults, *more.faults)
     checked = (*verdict.checked[:1], WITHOUT_PLAN)

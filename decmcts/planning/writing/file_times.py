@@ -85,19 +85,6 @@ def _falls(key: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
     return bool(was[key] - now[key] >= max(COUNTS[key], COUNTS_SHARE * was[key]))
 
 
-def likely_longer(planned: Planned) -> bool:
-    """Say whether a result's file will take longer than its source, before it is written.
-
-    By the file of the source's own order written anew, and how much longer the plan is than that
-    order's. False where that is not known, or the file may be longer for its way round walls.
-    """
-    if planned.own_s is None or planned.problem.rules.avoid_walls == AvoidWalls.ALWAYS:
-        return False
-    sliced = planned.sliced or source_time(planned.problem)
-    longer_s = planned.after.plan.makespan_s - planned.before.plan.makespan_s
-    return sliced is not None and is_longer(sliced.total_s, planned.own_s + longer_s)
-
-
 def worth_longer(planned: Planned, times: FileTimes) -> bool:
     """Say whether a result may take longer, as travels were to go round walls and do.
 

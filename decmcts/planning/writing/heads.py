@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import draft_folder, write_all
@@ -62,23 +61,8 @@ def _head_file(stem: Path, head: str) -> Path:
     return stem.with_name(f"{stem.name}_{head}.gcode")
 
 
-class HeadWriter(Protocol):
-    """Writes the file of one head of a plan; `write_head_gcode`, or in a test one that fails."""
-
-    def __call__(
-        self,
-        document: GcodeDocument,
-        job: PrintJob,
-        plan: JointPlan,
-        head_index: int,
-        out: Path,
-        *,
-        machine: Machine,
-        header_lines: Sequence[str],
-        points: SyncPoints,
-    ) -> None:
-        """Write to `out`."""
-        ...
+HeadWriter = Callable[..., None]
+"""Writes the file of one head of a plan; `write_head_gcode`, or in a test one that fails."""
 
 
 def write_heads(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
-from decmcts.formats.gcode import GcodeDocument, write_gcode
+from decmcts.formats.gcode import write_gcode
 from decmcts.formats.gcode.dialects.stated_times import restated
 from decmcts.formats.gcode.writing.own_header import as_sliced, with_time
 from decmcts.planning.events import Report, Step, unheard
@@ -14,28 +13,14 @@ from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.file_times import FileTimes, file_times
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import name_of, require_sound
-from decmcts.print.job import PrintJob
-from decmcts.print.plan import HeadActions
 from sim.content.seams import seams_of_plan
 from sim.files.written import verify_written
 
 STEPS = 3  # of a draft: written, timed, judged
 
 
-class GcodeWriter(Protocol):
-    """Writes the plan of one head; `write_gcode`, or in a test one that fails."""
-
-    def __call__(
-        self,
-        document: GcodeDocument,
-        job: PrintJob,
-        actions: HeadActions,
-        out: Path,
-        *,
-        header_lines: Sequence[str],
-    ) -> None:
-        """Write to `out`."""
-        ...
+GcodeWriter = Callable[..., None]
+"""Writes the plan of one head; `write_gcode`, or in a test one that fails."""
 
 
 def draft_single(

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from agents.messages.kinds import Presence
-from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
+from agents.networks.memory import MemoryTransport, Weather
 from agents.networks.transport import Packet
+from tests.agents.faulty_network import FaultyNetwork
 
 
-def pair(weather: Weather, seed: int = 0) -> tuple[MemoryNetwork, MemoryTransport, MemoryTransport]:
-    network = MemoryNetwork(np.random.default_rng(seed), weather)
+def pair(weather: Weather, seed: int = 0) -> tuple[FaultyNetwork, MemoryTransport, MemoryTransport]:
+    network = FaultyNetwork(np.random.default_rng(seed), weather)
     first = MemoryTransport(network, 0, 1).__enter__()
     second = MemoryTransport(network, 1, 2).__enter__()
     network.advance(0.01)
@@ -62,7 +63,7 @@ def test_equal_seeds_give_equal_weather() -> None:
 
 def test_a_hung_head_is_gone_after_its_lease_and_hears_nothing() -> None:
     """Like a stopped process under zenoh."""
-    network, first, second = pair(Weather(lease_s=1.0))
+    network, first, second = pair(Weather())
     first.receive(0.0)
     network.hang(1)
     first.send("commit", b"x", reliable=True)

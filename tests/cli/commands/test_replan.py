@@ -118,23 +118,6 @@ def test_a_head_that_cannot_park_is_named_and_nothing_written(
     assert run([*line, "--parked"]) == 0
 
 
-@pytest.mark.slow
-def test_the_source_of_the_whole_print_is_not_that_of_its_rest(
-    made: Made, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]  # noqa: F811
-) -> None:  # fmt: skip
-    """One line says which is, in place of many about what is missing."""
-    rest = tmp_path / "rest.json"
-    line = ["replan", str(plan), "--source", str(made.path), "--layer", "2", "-o"]
-    assert run([*line, str(tmp_path / "rest"), "--plan", str(rest), "--time-limit", "0.2"]) == 0
-    judged = ["verify", str(rest), "--rest-of", str(plan), "--source"]
-    capsys.readouterr()
-    assert run([*judged, str(made.path)]) == 2
-    shown = capsys.readouterr()
-    said = shown.err.strip().splitlines()[-1]
-    assert not shown.out and "the rest has one of its own" in said and "rest.gcode" in said
-    assert run([*judged, str(tmp_path / "rest.gcode")]) == 0
-
-
 @pytest.mark.parametrize(
     ("more", "what"),
     [
@@ -171,20 +154,17 @@ def test_bad_input_gets_one_line(
 
 
 @pytest.mark.slow
-def test_a_rest_is_cut_as_asked(cut: Made, tmp_path: Path) -> None:  # noqa: F811
-    """As the plan was, or not at all; the judge holds it against that plan."""
+def test_a_rest_is_cut_as_the_plan_was(cut: Made, tmp_path: Path) -> None:  # noqa: F811
+    """And its files pass the judge."""
     plan, rest, stem = (tmp_path / name for name in ("plan.json", "rest.json", "rest"))
     write_plan(cut.document, plan)
     line = ["replan", str(plan), "--source", str(cut.path), "--layer", "2", "--time-limit", "0.2"]
-    assert run([*line, "--cut", "none", "--plan", str(rest)]) == 0
-    uncut = read_plan(rest)
-    assert uncut.contours.of is None and uncut.rules is not None and uncut.rules.cut == "none"
     assert run([*line, "--plan", str(rest), "-o", str(stem)]) == 0
     again = read_plan(rest)
     assert again.contours.of is not None and again.rules is not None and again.rules.cut == "all"
     files = [str(tmp_path / f"rest_{head}.gcode") for head in ("left", "right")]
     judged = ["verify", *files, "--plan", str(rest), "--source", str(tmp_path / "rest.gcode")]
-    assert run([*judged, "--rest-of", str(plan)]) == 0
+    assert run(judged) == 0
 
 
 @pytest.mark.slow
@@ -203,5 +183,5 @@ def test_the_rest_of_a_print_that_was_made_safe_is_planned(
     assert run(named) == 0
     assert len(read_plan(f"{stem}.json").contours) == 2 * 2 * 10
     files = [f"{stem}_left.gcode", f"{stem}_right.gcode"]
-    checked = ["--plan", f"{stem}.json", "--source", f"{stem}.gcode", "--rest-of", str(plan)]
+    checked = ["--plan", f"{stem}.json", "--source", f"{stem}.gcode"]
     assert run(["verify", *files, *checked]) == 0

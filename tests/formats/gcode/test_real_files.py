@@ -12,7 +12,7 @@ import pytest
 from decmcts.formats.gcode import Motions, read_gcode, read_motions
 from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.verifying.judge import judge
+from decmcts.planning.verify import verify
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from tests.makers.corpus import CORPUS
@@ -38,7 +38,7 @@ def test_files_of_a_dozen_slicers(path, again, tmp_path):
     out, machine = tmp_path / "out.gcode", load_machine("paper")
     draft = verify_written(out, job, document, machine, seams=[])
     assert not draft.kinds() & {FaultKind.STATE, FaultKind.E_TOTAL, FaultKind.COMMAND}
-    assert judge(out, path, machine, seed=0, trials=1).faults == draft.faults
+    assert verify(out, path, machine, seed=0, trials=1).faults == draft.faults
     assert job2.contours.epoch.tolist() == job.contours.epoch.tolist()
     blocks = [b"".join(without_progress(block.text)) for block in document.blocks]
     assert [block.text for block in document2.blocks] == blocks

@@ -19,8 +19,8 @@ from decmcts.planning.one_head import pipeline
 from decmcts.planning.one_head.beside import STILL, searched_beside
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import NO_QUALITY, Search
-from decmcts.planning.problem.first_check import OwnText, refuse_unsound, refuse_unwritable
-from decmcts.planning.problem.planned import Planned, source_plan
+from decmcts.planning.problem.first_check import refuse_unsound, refuse_unwritable
+from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.samples import sample_path
 from decmcts.search.sequence.incumbent import Incumbent
@@ -58,15 +58,12 @@ def problem(tmp_path: Path) -> PrintProblem:
     return load(path, "paper", NO_QUALITY)
 
 
-OWN_S = 123.0
-
-
 def told_written(told: list[str]):
     """Return a judge of the text of the source's own order that says it was asked."""
 
-    def refuse_text(*_given) -> OwnText:
+    def refuse_text(*_given) -> tuple[str, ...]:
         told.append("written")
-        return OwnText(OWN_S, ())
+        return ()
 
     return refuse_text
 
@@ -192,8 +189,7 @@ def test_the_text_of_a_large_print_is_judged_while_the_search_runs(problem, monk
             refuse=lambda *_: told.append("judged"), refuse_text=refuse_text,
         )  # fmt: skip
 
-    own = refuse_unwritable(problem, source_plan(problem))
-    assert planned(refuse_unwritable).own_s == own.total_s
+    planned(refuse_unwritable)
     assert told[:2] == ["judged", "searched"]
     planner.enough = False
     with pytest.raises(InputError, match=r"in.gcode:10: in its own order this print fails"):

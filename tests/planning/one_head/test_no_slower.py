@@ -4,20 +4,12 @@ from __future__ import annotations
 
 import gzip
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from decmcts.cli.run import run
 from decmcts.formats.plans.plan_json import read_plan
-from decmcts.planning.one_head.no_slower import write_no_slower
-from decmcts.planning.one_head.pipeline import plan_one_head
-from decmcts.planning.options import NO_QUALITY, Search
-from decmcts.planning.problem.planned import Planned
-from decmcts.planning.problem.print_problem import load
-from decmcts.planning.writing.file_times import FileTimes, likely_longer
-from decmcts.planning.writing.one_head import draft_single
 from sim.verify import verify_plan
 from tests.cli.test_bad_input import TAIL, gcode
 from tests.makers.corpus import CORPUS
@@ -139,26 +131,3 @@ def test_a_quicker_file_is_written(tmp_path, capsys):
     said = json.loads(capsys.readouterr().out)
     assert said["kept_source"] is False
     assert said["file_time_s"]["after"] < said["file_time_s"]["before"]
-
-
-def test_what_a_file_will_take_is_known_before_it_is_written(source, tmp_path):
-    """By it a search for time follows at once: a large print takes many seconds to write."""
-    problem, drafts = load(source, "paper", replace(NO_QUALITY, max_layers_ahead=0)), []
-    planned = plan_one_head(problem, Search(0.2), writes=True)
-    assert planned.own_s is not None
-
-    def draft_of(planned: Planned, draft: Path, path: Path) -> FileTimes:
-        drafts.append(planned)
-        return draft_single(planned, draft, path)
-
-    out = tmp_path / "out.gcode"
-    write_no_slower(planned, Search(0.2), out, allow_slower=False, draft_of=draft_of)
-    assert likely_longer(planned) and len(drafts) == 1  # where it was not known there were two
-    write_no_slower(
-        replace(planned, own_s=None), Search(0.2), out, allow_slower=False, draft_of=draft_of
-    )
-    assert len(drafts) == 3
-
-    times = draft_single(planned, tmp_path / "draft.gcode", out)
-    longer_s = planned.after.plan.makespan_s - planned.before.plan.makespan_s
-    assert planned.own_s + longer_s == pytest.approx(times.after_s, rel=0.03)

@@ -9,8 +9,6 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
-from decmcts.formats.gcode import write_gcode
-from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import NO_QUALITY, Search
 from decmcts.planning.problem.first_check import refuse_unwritable
@@ -79,16 +77,6 @@ def test_a_plan_alone_needs_no_file(source) -> None:
     plan_one_head(loaded, Search(0.2), writes=False, refuse_text=refuse_text)
     with pytest.raises(InputError, match="in its own order"):
         refuse_text(loaded, source_plan(loaded))
-
-
-def test_the_time_of_the_own_order_written_anew_is_that_of_a_file_of_it(source, tmp_path) -> None:
-    """By it is said what a result's file will take before it is written."""
-    loaded, own = load(source, "paper", NO_QUALITY), tmp_path / "own.gcode"
-    before = source_plan(loaded)
-    write_gcode(loaded.document, loaded.job, before.plan.heads[0], own)
-    written = refuse_unwritable(loaded, before)
-    assert written.total_s == print_time(own, loaded.machine.limits).total_s
-    assert written.warnings == ()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
-from decmcts.formats.plans.plan_json import read_plan, write_plan
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.made_from import rules_of
@@ -19,9 +19,9 @@ from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.planning.replanning.fenced import (
-    differences,
     needed,
     other_tools,
+    refuse_other_diameters,
     refuse_unfit,
 )
 from decmcts.planning.replanning.replan import Rest, replan, rest_of
@@ -89,9 +89,7 @@ def written(rest: Rest, made: Made, alone: Any, folder: Path) -> list[str]:
     (path,) = result.write_gcode(folder / "rest").paths
     (folder / "rest.gcode").write_bytes(rest.source.path.read_bytes())
     result.write_plan(folder / "rest.json")
-    write_plan(made.document, folder / "plan.json")
-    plans = ["--plan", str(folder / "rest.json"), "--rest-of", str(folder / "plan.json")]
-    return [str(path), *plans, "--source", str(folder / "rest.gcode")]
+    return [str(path), "--plan", str(folder / "rest.json"), "--source", str(folder / "rest.gcode")]
 
 
 @pytest.mark.slow
@@ -117,21 +115,6 @@ def test_another_tool_prints_for_a_dead_heads(
     assert f"M106 S{FANS[due]}" not in text
     assert read_plan(tmp_path / "rest.json").print_with == ((due, has),)
     assert run(["verify", *checked]) == 0
-
-
-@pytest.mark.slow
-def test_the_judge_asks_who_has_allowed_it(
-    made: Made, alone: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A plan of a rest that does not say so is refused, and so is one that says otherwise."""
-    checked = written(rest_without(made, "left", {0: 1}), made, alone, tmp_path)
-    sound = read_plan(tmp_path / "rest.json")
-    for other in ((), ((1, 0),)):
-        write_plan(replace(sound, print_with=other), tmp_path / "rest.json")
-        assert run(["verify", *checked]) == 1
-        assert "is printed with tool 1, in the print with tool 0, which nobody has allowed" in (
-            capsys.readouterr().out
-        )
 
 
 @pytest.mark.slow
@@ -214,20 +197,17 @@ def test_pairs_fit_who_lives(made: Made) -> None:
     refuse_unfit({0: 1}, machine, ["left"])
 
 
-def test_what_the_file_says_of_the_filaments(made: Made, tmp_path: Path) -> None:
-    """Another diameter is refused, for E would be another amount; the rest is said."""
+def test_filament_of_another_diameter_is_refused(made: Made, tmp_path: Path) -> None:
+    """E would be another amount; a nozzle or a kind of filament a person has seen."""
     other = tmp_path / "in.gcode"
-    stated = "; nozzle_diameter = 0.4,0.6\n; filament_type = PLA;PETG\n; filament_diameter = "
-    other.write_text(made.path.read_text() + stated + "1.75,1.75\n")
+    stated = "; filament_type = PLA;PETG\n; filament_diameter = "
     source = replace(made.source, path=other)
-    assert differences(source, {0: 1}) == [
-        "tool 1 has another nozzle (0.6) than tool 0 (0.4)",
-        "tool 1 has another filament (PETG) than tool 0 (PLA)",
-    ]
+    other.write_text(made.path.read_text() + stated + "1.75,1.75\n")
+    refuse_other_diameters(source, {0: 1})
     other.write_text(made.path.read_text() + stated + "1.75,2.85\n")
     with pytest.raises(InputError, match=r"filament of tool 0 is 1\.75 mm thick, of tool 1 2\.85"):
-        differences(source, {0: 1})
-    assert differences(made.source, {0: 1}) == []
+        refuse_other_diameters(source, {0: 1})
+    refuse_other_diameters(made.source, {0: 1})
 
 
 @pytest.mark.slow

@@ -398,8 +398,10 @@ def with_tower(folder: Path) -> str:
 
 
 @pytest.mark.long
-def test_a_wipe_tower_is_left_out_only_as_asked(agents: Agents, tmp_path: Path) -> None:
-    """With it changes stay walls; without it the judge misses it unless it was asked for."""
+def test_a_wipe_tower_is_left_out_only_as_asked(
+    agents: Agents, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With it changes stay walls; the judge finds by itself that it is left out."""
     source = with_tower(tmp_path)
     kept, said, _ = launched(source, tmp_path, agents)
     towers = kept.document.contours.role == Role.WIPE_TOWER
@@ -412,8 +414,8 @@ def test_a_wipe_tower_is_left_out_only_as_asked(agents: Agents, tmp_path: Path) 
     )
     plan, machine = str(tmp_path / "plan.json"), str(tmp_path / "tools.toml")
     for against in (["--plan", plan], ["--machine", machine]):
-        assert run(["verify", *files, *against]) == 1
-        assert run(["verify", *files, *against, "--without-tower"]) == 0
+        assert run(["verify", *files, *against]) == 0
+        assert "the source's wipe tower is left out" in capsys.readouterr().err
 
 
 def test_planner_and_judge_leave_out_the_same_tower(tmp_path: Path) -> None:
@@ -530,7 +532,7 @@ def test_the_rest_of_a_print_whose_tower_was_left_out_is_planned(
     line += ["--plan", f"{stem}.json", "--source"]
     assert run([*line, source]) == 0
     files = [f"{stem}_left.gcode", f"{stem}_right.gcode"]
-    checked = ["--plan", f"{stem}.json", "--source", f"{stem}.gcode", "--rest-of", plan]
+    checked = ["--plan", f"{stem}.json", "--source", f"{stem}.gcode"]
     assert run(["verify", *files, *checked]) == 0
     assert len(read_plan(f"{stem}.json").contours) == 5  # of six; the tower is none
     other = tmp_path / "other.gcode"

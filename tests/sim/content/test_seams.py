@@ -11,7 +11,7 @@ import pytest
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.verifying.judge import judge
+from decmcts.planning.verify import verify
 from decmcts.print.contours import Role, taken
 from decmcts.print.loops import close_gaps, enter_at, traversal
 from decmcts.print.plan import PlanDocument
@@ -172,7 +172,7 @@ def test_a_file_with_random_seams_passes_and_is_the_sources(planned, tmp_path) -
     assert not verify_written(out, job, text, document.machine, seams=()).ok
     found = {m.contour: m.entry for m in seams_of_file(read_gcode(out)[0].contours, job.contours)}
     assert found == {m.contour: m.entry for m in seams}
-    assert judge(out, NUTS, "mk4s", seed=0, trials=1).faults == ()
+    assert verify(out, NUTS, "mk4s", seed=0, trials=1).faults == ()
     ours, theirs = read_motions(out), read_motions(NUTS)
     laid = [m.extrusion[m.contour >= 0].sum() for m in (ours, theirs)]
     assert laid[0] == pytest.approx(laid[1], abs=5e-6 * len(ours.line) ** 0.5)
@@ -192,7 +192,7 @@ def test_a_loop_that_runs_back_on_itself_is_one_loop(tmp_path, entry) -> None:
     toolpath = replace(Toolpath.as_sliced(1), entry=np.array([entry], np.int32))
     write_gcode(text, job, direct_actions(job, toolpath), out)
     assert len(list(seams_of_file(read_gcode(out)[0].contours, job.contours))) == (entry != 2)
-    assert judge(out, source, "mk4s", seed=0, trials=1).faults == ()
+    assert verify(out, source, "mk4s", seed=0, trials=1).faults == ()
 
 
 def test_loops_that_coincide_are_each_run_once() -> None:
@@ -232,7 +232,7 @@ def test_filament_feed_and_machine_state_go_with_each_segment(tmp_path, mode) ->
         write_gcode(text, job, actions, out)
         seams = list(seams_of_plan(actions))
         assert verify_written(out, job, text, machine, seams=seams).faults == ()
-        assert judge(out, source, "mk4s", seed=0, trials=1).faults == ()
+        assert verify(out, source, "mk4s", seed=0, trials=1).faults == ()
         assert read_motions(out).extrusion.sum() == pytest.approx(
             read_motions(source).extrusion.sum(), abs=3e-5
         )
@@ -263,7 +263,7 @@ def test_each_slip_in_a_moved_loop_is_seen(tmp_path, old, new) -> None:
     out.write_text(raw.replace(old, new))
     seams = list(seams_of_plan(actions))
     assert not verify_written(out, job, text, load_machine("mk4s"), seams=seams).ok
-    assert not judge(out, source, "mk4s", seed=0, trials=1).ok
+    assert not verify(out, source, "mk4s", seed=0, trials=1).ok
 
 
 def test_a_loop_of_arcs_begins_at_another_chord(tmp_path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.verifying.judge import judge
+from decmcts.planning.verify import verify
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind, Verdict
 from sim.files.commands import check_commands
@@ -159,9 +159,9 @@ def test_line_ends_are_no_fault(made):
 def test_verify_sees_foreign_commands(made):
     """`decmcts verify` is asked about files that were edited since."""
     _, document, out = made
-    assert judge(out, Path(document.path), "mk4s", seed=0, trials=1).ok
+    assert verify(out, Path(document.path), "mk4s", seed=0, trials=1).ok
     spoil(made, "G1 X150", "M84\nG1 X150")
-    verdict = judge(out, Path(document.path), "mk4s", seed=0, trials=1)
+    verdict = verify(out, Path(document.path), "mk4s", seed=0, trials=1)
     assert FaultKind.COMMAND in verdict.kinds()
 
 

@@ -13,7 +13,7 @@ from decmcts.errors import InputError
 from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.verifying.judge import judge
+from decmcts.planning.verify import verify
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.files.written import verify_written
@@ -193,7 +193,7 @@ def test_a_file_that_is_its_source_is_not_compared_with_a_writers_lines(tmp_path
     """`plan` leaves what cannot be made faster, whatever commands it has."""
     path = tmp_path / "in.gcode"
     path.write_text(of_two_tools("G1 E-2 F2400\n", "G1 E2 F2400\n").replace("G1 X", "G0 X"))
-    assert judge(path, path, MACHINE, seed=0, trials=1).ok
+    assert verify(path, path, MACHINE, seed=0, trials=1).ok
 
 
 @pytest.mark.slow
@@ -223,7 +223,7 @@ def test_the_judge_of_drafts_is_the_judge_of_files(tmp_path, kind):
 def judged(out: Path, source: Path) -> set[str] | None:
     """Return what `verify --source` finds; None where it refuses the file."""
     try:
-        return {str(fault) for fault in judge(out, source, MACHINE, seed=0, trials=1).faults}
+        return {str(fault) for fault in verify(out, source, MACHINE, seed=0, trials=1).faults}
     except InputError:
         return None
 

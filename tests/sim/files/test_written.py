@@ -16,8 +16,7 @@ from decmcts.planning.one_head.no_slower import write_no_slower
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import NO_QUALITY, PlannerName, Search
 from decmcts.planning.problem.print_problem import load
-from decmcts.planning.verifying.held import Held
-from decmcts.planning.verifying.judge import judge
+from decmcts.planning.verify import verify
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
@@ -168,9 +167,9 @@ def test_verify_sees_what_is_in_force(made):
     """`decmcts verify` is asked about files that were edited since: fan and retraction too."""
     _, document, out = made
     source = Path(document.path)
-    assert judge(out, source, "mk4s", Held(), seed=0, trials=1).ok
+    assert verify(out, source, "mk4s", seed=0, trials=1).ok
     out.write_text(out.read_text().replace("M106 S60", "M106 S61"))
-    assert FaultKind.STATE in judge(out, source, "mk4s", Held(), seed=0, trials=1).kinds()
+    assert FaultKind.STATE in verify(out, source, "mk4s", seed=0, trials=1).kinds()
 
 
 def test_a_line_written_twice_is_seen(made):
