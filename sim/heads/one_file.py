@@ -18,7 +18,7 @@ import numpy as np
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob, ProcessSettings
-from decmcts.print.machine import Idle
+from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.arrays import Floats
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
@@ -42,7 +42,6 @@ from sim.heads.ledger import behind, belongs_to_bead
 from sim.heads.order import FileParts, last_points
 from sim.heads.walk import OWED_MM, Walk, Walker
 
-Point = tuple[float, float, float]
 _NUMBER = rb"-?[0-9.]+"
 _SETS_E = re.compile(rb"G92 E%b\Z" % _NUMBER)  # and no other axis
 _UPRIGHT = re.compile(rb"G1 Z%b F[0-9.]+\Z" % _NUMBER)
@@ -62,17 +61,18 @@ class Walked:
 
 
 def walk_file(
-    file: HeadFile, head: int, plan: JointPlan, job: PrintJob, document: GcodeDocument, park: Point,
-    idle: Idle, *, read: bool = False,
+    file: HeadFile, head: int, plan: JointPlan, job: PrintJob, document: GcodeDocument,
+    machine: Machine, *, read: bool = False,
 ) -> Walked:  # fmt: skip
     """Check all that one head's file has by itself; the order between files is checked later."""
     actions, waited = plan.heads[head], last_points(plan, head)
+    own = machine.head(actions.head)
     tool, heat = _tool_of(actions, job), heat_due(document, job)
-    idling = Idling.of(idle, actions, head, job, tool, timed=not read)
+    idling = Idling.of(own.idle, actions, head, job, tool, timed=not read)
     due = _DueCommands.of(actions, job, document, tool, all_heat=heat.one_hot_end)
     whole, file = file, _without_early_heat(file, due.start)
     words: list[str] = []
-    outline = _outlined(file, job, document, due, park, words)
+    outline = _outlined(file, job, document, due, own.park, words)
     part = outline.part
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
     kept: Settings = frozenset()
@@ -99,8 +99,8 @@ def walk_file(
         words += wrong
         if tool is not None:
             first = walk.first[int(np.flatnonzero(actions.kind == ActionKind.PRINT)[0])]
-            own = {line for line, _ in file.rest[: outline.low]} | taken
-            words += unheated(file.rest, file.others, first, heat, own)
+            verbatim = {line for line, _ in file.rest[: outline.low]} | taken
+            words += unheated(file.rest, file.others, first, heat, verbatim)
     words += _foreign(file, document, outline.body(file), taken | at_standby)
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "

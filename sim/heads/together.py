@@ -20,7 +20,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import USUAL_WORDS, Idle, Machine, Release, SyncWords
+from decmcts.print.machine import Machine, Release, SyncWords
 from decmcts.print.plan import JointPlan
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import check_heads_book
@@ -33,22 +33,11 @@ from sim.heads.one_file import Walked, walk_file
 from sim.heads.order import Intervals, check_order, check_sync
 from sim.heads.sync import Knowledge
 
-Point = tuple[float, float, float]
-
 
 def verify_heads(
-    paths: Sequence[Path | str | HeadFile],
-    plan: JointPlan,
-    job: PrintJob,
-    document: GcodeDocument,
-    *,
-    parks: Sequence[Point],
-    release: Release = "action",
-    interval_s: float = 0.0,
-    words: SyncWords = USUAL_WORDS,
-    idles: Sequence[Idle] | None = None,
-    read: bool = False,
-) -> Verdict:
+    machine: Machine, paths: Sequence[Path | str | HeadFile], plan: JointPlan, job: PrintJob,
+    document: GcodeDocument, *, read: bool = False,
+) -> Verdict:  # fmt: skip
     """Check the files of all heads of a plan, in the plan's order of heads.
 
     Parameters
@@ -57,45 +46,22 @@ def verify_heads(
         Which may be read already.
     job, document
         The source the plan was made from.
-    parks : sequence of points
-        Where each head stands before its first action.
-    release : "point" or "action"
-        Whether the machine's controllers can signal in motion.
-    interval_s : float
-        The least time between two signals of a head, where they signal in motion.
-    words : SyncWords
-        The lines with which the machine's files signal and wait.
-    idles : sequence of Idle | None
-        What each head does where it stands idle; None: as the source.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
     """
     try:
-        files = [one if isinstance(one, HeadFile) else read_head_file(one, words) for one in paths]
+        files = [
+            one if isinstance(one, HeadFile) else read_head_file(one, machine.words)
+            for one in paths
+        ]
     except InputError as error:
         return unreadable(error)
     if faults := check_names(files, plan):
         return Verdict(tuple(faults))
-    walked = []
-    for h, (file, park) in enumerate(zip(files, parks, strict=True)):
-        idle = Idle() if idles is None else idles[h]
-        walked.append(walk_file(file, h, plan, job, document, park, idle, read=read))
-    return judge_together(
-        walked, plan, job, document, release=release, interval_s=interval_s, words=words, read=read
-    )
-
-
-def verify_heads_on(
-    machine: Machine, paths: Sequence[Path | str | HeadFile], plan: JointPlan, job: PrintJob,
-    document: GcodeDocument, *, read: bool = False,
-) -> Verdict:  # fmt: skip
-    """Check the files of all heads of a plan for a machine, as `verify_heads` does."""
-    heads = [machine.head(actions.head) for actions in plan.heads]
-    return verify_heads(
-        paths, plan, job, document, parks=[head.park for head in heads], release=machine.release,
-        interval_s=machine.signal_interval_s, words=machine.words,
-        idles=[head.idle for head in heads], read=read,
-    )  # fmt: skip
+    walked = [
+        walk_file(file, h, plan, job, document, machine, read=read) for h, file in enumerate(files)
+    ]
+    return judge_together(walked, plan, job, document, machine, read=read)
 
 
 def unreadable(error: InputError) -> Verdict:
@@ -104,8 +70,8 @@ def unreadable(error: InputError) -> Verdict:
 
 
 def judge_together(
-    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument, *,
-    release: Release, interval_s: float, words: SyncWords, read: bool = False,
+    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument,
+    machine: Machine, *, read: bool = False,
 ) -> Verdict:  # fmt: skip
     """Check what the files of all heads do together; of each the faults found so far come first."""
     files, parts = [each.file for each in walked], [each.part for each in walked]
@@ -122,9 +88,9 @@ def judge_together(
         if document.own_starts and complete:
             laid = [(each.file, each.walk.laid) for each in walked]
             faults += check_hot_ends(laid, source, job, document)
-    known = Knowledge([file.syncs for file in files])
-    faults += check_words(words, release) + check_sync(files, known, release)
-    intervals = Intervals(files, interval_s if release == "point" else 0.0)
+    known, release = Knowledge([file.syncs for file in files]), machine.release
+    faults += check_words(machine.words, release) + check_sync(files, known, release)
+    intervals = Intervals(files, machine.signal_interval_s if release == "point" else 0.0)
     faults += intervals.check()
     if complete and not known.stuck:
         faults += check_order(files, plan, known, parts, walks, intervals, read=read)
