@@ -32,7 +32,7 @@ from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Practice
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 from sim.files.changes import codes_of
 from sim.files.commands import command_in, commands_of, sets_state
 from sim.files.written import source_text
@@ -323,4 +323,4 @@ def check_hot_ends(
                     f"head {file.name}, line {line}: contour {contour} is printed with the hot end "
                     f"told {here:g} degrees, in the source {due:g}"
                 )
-    return listed(FaultKind.STATE, words[:LIMIT], total=len(words))
+    return listed(FaultKind.STATE, words)
