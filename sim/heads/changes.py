@@ -80,7 +80,7 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> SourcePrint | Non
     None where all its changes stay. Linear in lines and moves.
     """
     text = source_text(document)
-    if text is None or document.moves is None:
+    if text is None:
         return None
     tools = _tools_of(text, job, every=heat_due(document, job).one_hot_end)
     since = gaps_of_tools(document.moves, job.contours.tool)

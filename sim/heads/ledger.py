@@ -96,12 +96,12 @@ def behind(block: Block, job: PrintJob) -> int:
     return int(np.searchsorted(job.contours.epoch, block.epoch))
 
 
-def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
+def dues_of(job: PrintJob, document: GcodeDocument) -> Dues:
     """Return the source's own account; linear in its moves.
 
     The moves have the source's numbers of contours, `job` may have pieces of them.
     """
-    begins = beginnings(job.contours)
+    source, begins = document.moves, beginnings(job.contours)
     contour, extrusion = np.asarray(source.contour), np.asarray(source.extrusion)
     laid = np.flatnonzero(contour >= 0)
     spans = lines_in_source(document)

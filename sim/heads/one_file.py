@@ -26,7 +26,7 @@ from sim.content.inventory import FEED_TOLERANCE_MM_S
 from sim.faults import Fault, FaultKind, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.extent import check_filament_feeds
-from sim.files.written import check_line_numbers, moves_of
+from sim.files.written import check_line_numbers
 from sim.heads.file import (
     SAME_MM,
     HeadFile,
@@ -68,7 +68,7 @@ def walk_file(
     actions, waited = plan.heads[head], last_points(plan, head)
     own = machine.head(actions.head)
     tool, heat = _tool_of(actions, job), heat_due(document, job)
-    idling = Idling.of(own.idle, actions, head, job, tool, timed=not read)
+    idling = Idling.of(own.idle, actions, job, tool, timed=not read)
     due = _DueCommands.of(actions, job, document, tool, all_heat=heat.one_hot_end)
     whole, file = file, _without_early_heat(file, due.start)
     words: list[str] = []
@@ -105,7 +105,8 @@ def walk_file(
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
-    seen = check_line_numbers(file.numbered) + _check_feeds(file, document)
+    seen = check_line_numbers(file.numbered)
+    seen += check_filament_feeds(file.motion, document.moves, above=1)
     faults += [Fault(fault.kind, where + fault.text) for fault in seen]
     part = replace(part, blocks=tuple(map(tuple, blocks)))
     faults += _check_arcs(file, part, actions, waited, turns_of_print(job, document))
@@ -196,12 +197,6 @@ def _begin_of_end(
     """Return the row at which the source's end code begins, comments of it too."""
     above = min(part.end_code, _below_end(file)) - 1
     return begin_of_verbatim(file.lines.raw, above, document.postamble, due.of_end)
-
-
-def _check_feeds(file: HeadFile, document: GcodeDocument) -> list[Fault]:
-    """Check the feeds of filament alone; those of travels and beads are compared on the walk."""
-    source = moves_of(document)
-    return [] if source is None else check_filament_feeds(file.motion, source, above=1)
 
 
 def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:

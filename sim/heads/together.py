@@ -25,7 +25,7 @@ from decmcts.print.plan import JointPlan
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import check_heads_book
 from sim.files.settings import TravelSettings, settings_of, travelling
-from sim.files.written import moves_of, source_text, travels_of
+from sim.files.written import source_text, travels_of
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, read_head_file
 from sim.heads.ledger import Printed, check_filament, dues_of
@@ -102,8 +102,7 @@ def _check_filament(
     walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument
 ) -> list[Fault]:
     """Check what all files give against what the source gives, by tool and between beads."""
-    source = moves_of(document)
-    if source is None or not len(job.contours):
+    if not len(job.contours):
         return []
     heads = []
     for each, actions in zip(walked, plan.heads, strict=True):
@@ -118,7 +117,7 @@ def _check_filament(
                     idling.pulled_before(actions),
                 )
             )  # fmt: skip
-    return check_filament(heads, dues_of(source, job, document), job, document)
+    return check_filament(heads, dues_of(job, document), job, document)
 
 
 def _check_travels(walked: Sequence[Walked], source: bytes, document: GcodeDocument) -> list[Fault]:
@@ -126,10 +125,7 @@ def _check_travels(walked: Sequence[Walked], source: bytes, document: GcodeDocum
 
     But for hops within a piece, which stay under those of its beads.
     """
-    moves = moves_of(document)
-    if moves is None:
-        return []
-    travels, texts = TravelSettings.of(settings_of(source), travels_of(moves)), list[str]()
+    travels, texts = TravelSettings.of(settings_of(source), travels_of(document.moves)), list[str]()
     for each in walked:
         motion, file = each.file.motion, each.file
         found = travelling(motion.points, motion.extrusion, motion.placed[motion.line])
