@@ -37,13 +37,11 @@ from sim.files.changes import codes_of
 from sim.files.commands import command_in, commands_of, sets_state
 from sim.files.written import source_text
 from sim.heads.file import ContourMoves, HeadFile
-from sim.heads.heat import SELECTS, degrees_of, heat_due
+from sim.heads.heat import SELECTS, heat_due, heat_of
 
-_HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
 _MOVES = re.compile(
     rb"G(?:[0-4]|1[01](?!.*[PL])|21|9[01])(?![\d.])|G92 ?E|M(?:400|8[23])(?![\d.])", re.I
 )
-_NAMED = re.compile(rb"(?:(?<=\d)| )T ?(\d+)", re.I)
 
 MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
@@ -165,19 +163,12 @@ def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:
     for line, command in commands_of(text):
         if chosen := _selects(command):
             selected = int(chosen[1])
-        elif heat := _HEATS.match(command):
-            named = _NAMED.search(b" " + heat[1])
-            tool = int(named[1]) if named else selected
-            for each in found.values() if every and not named else [found.get(tool)]:
+        elif (heat := heat_of(command)) is not None:
+            tool = selected if heat.tool is None else heat.tool
+            for each in found.values() if every and heat.tool is None else [found.get(tool)]:
                 if each is not None:
-                    each.stated.append((line, _degrees(heat[1])))
+                    each.stated.append((line, heat.degrees))
     return found
-
-
-def _degrees(words: bytes) -> float:
-    """Return what a hot end is told; without a number, as in templates of hosts, that is hot."""
-    degrees = degrees_of(words)
-    return np.inf if degrees is None else degrees
 
 
 def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
@@ -185,7 +176,7 @@ def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
     codes, changes = codes_of(block), _changes(block)
     if block.tower or block.begin.relative_e != block.end.relative_e:
         return False
-    if not changes and not (codes and all(_HEATS.match(code) for code in codes)):
+    if not changes and not (codes and all(map(heat_of, codes))):
         return False
     if not all(_sets_up(code) or sets_state(code) or code[:4] == b"M73 " for code in codes):
         return False
@@ -202,7 +193,7 @@ def _selects(code: bytes) -> re.Match[bytes] | None:
 
 
 def _sets_up(code: bytes) -> bool:
-    return bool(code) and bool(_selects(code) or _HEATS.match(code) or _MOVES.match(code))
+    return bool(code) and bool(_selects(code) or heat_of(code) or _MOVES.match(code))
 
 
 def _starts(
@@ -309,9 +300,9 @@ def check_hot_ends(
     words = list[str]()
     for file, laid in heads:
         stated = [
-            (line, _degrees(heat[1]))
+            (line, heat.degrees)
             for line, command in commands_of(file.lines.text)
-            if (heat := _HEATS.match(command))
+            if (heat := heat_of(command)) is not None
         ]
         has = _Tool(stated, [])
         for contour, begin, _ in laid:
