@@ -37,7 +37,6 @@ def faults_of(problem: QcspProblem, schedule: QcspSchedule) -> list[str]:
 
 
 def _position(path: Floats, time: float) -> float:
-    """Return where a crane is at a moment."""
     return float(np.interp(time, path[:, 0], path[:, 1]))
 
 

@@ -205,7 +205,6 @@ def _are_parts(ours: Turns, extra: Ints, source: Turns, whole: Ints) -> Flags:
 
 
 def _is_part(ours: Turns, i: int, source: Turns, k: int) -> bool:
-    """Tell whether our arc i lies on the source's arc k."""
     if np.abs(ours.ends[i, [2, 5]] - source.ends[k, [2, 5]]).max() > NEAR_MM:
         return False
     centre = source.centre[k]
@@ -220,5 +219,4 @@ def _is_part(ours: Turns, i: int, source: Turns, k: int) -> bool:
 
 
 def _polar(point: Floats) -> tuple[float, float]:
-    """Return radius and angle of a point."""
     return float(np.hypot(*point)), float(np.arctan2(point[1], point[0]))

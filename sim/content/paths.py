@@ -208,7 +208,6 @@ def _along(contours: Contours, actions: HeadActions, prints: Ints) -> Flags:
 
 
 def _print_problem(contours: Contours, actions: HeadActions, a: int) -> str:
-    """Return what is wrong with the path of one print action, or nothing."""
     contour, entry = int(actions.contour[a]), int(actions.entry[a])
     is_reversed = bool(actions.reversed[a])
     if is_reversed and not contours.reversible[contour]:

@@ -164,7 +164,6 @@ def _steps(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> _St
 
 
 def _places(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> list[Fault]:
-    """Check where the points of pieces lie."""
     of = of.repeat(np.diff(pieces.offsets))
     first, last = contours.offsets[of], contours.offsets[of + 1] - 1
     vertex = np.minimum(first + np.floor(along).astype(np.int64), last - 1)
@@ -308,7 +307,6 @@ def _age(a: TimedStretch, b: TimedStretch) -> float:
 
 
 def _stretches(contours: Contours, actions: HeadActions, action: int) -> Iterator[TimedStretch]:
-    """Yield the stretches that an action prints."""
     piece = int(actions.contour[action])
     first, end = int(contours.offsets[piece]), int(contours.offsets[piece + 1])
     assert contours.along is not None  # as `of`
@@ -369,7 +367,6 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
 
 
 def _by_role(welds: dict[int, list[float]], roles: dict[int, int]) -> dict[str, int]:
-    """Return how many cuts are in what, by the name of the role."""
     found = Counter[str]()
     for c, ages in welds.items():
         found[Role(roles[c]).name.lower()] += len(ages)
@@ -377,7 +374,6 @@ def _by_role(welds: dict[int, list[float]], roles: dict[int, int]) -> dict[str, 
 
 
 def _alike(stated: object, due: float | dict[str, int] | None) -> bool:
-    """Tell whether a figure is stated as it is due."""
     if isinstance(due, dict):
         return stated == due
     if due is None or isinstance(stated, bool) or not isinstance(stated, int | float):

@@ -167,7 +167,6 @@ def _other_total(looked: _Looked) -> list[Fault]:
 
 
 def _missing(looked: _Looked, contours: int) -> str:
-    """Return in words what of the plan's own contours is in nothing."""
     spans, due = looked.spans, looked.due
     rows = np.flatnonzero(spans.of != NO_MATCH)
     order, before = reached_before(spans.of[rows], spans.low[rows], spans.high[rows])

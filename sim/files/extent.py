@@ -99,7 +99,6 @@ def check_filament_feeds(motions: Motions | Motion, source: Motions, above: int 
 def _outside(
     motions: Motions | Motion, rows: Ints, low: float, high: float, what: str, above: int = 0
 ) -> list[Fault]:
-    """Return a fault for each of these moves whose feed is not in a range."""
     feed = np.asarray(motions.feed)[rows]
     bad = (feed < low * (1.0 - FEED_SHARE)) | (feed > high * (1.0 + FEED_SHARE))
     due = f"{low:.3f} to {high:.3f} are due"
@@ -134,7 +133,6 @@ def _feedless_moves(motions: Motions, source: Motions) -> list[Fault]:
 
 
 def _feedless(motions: Motions) -> tuple[Ints, Floats]:
-    """Return the moves without a feed and both their ends, rounded."""
     rows = moving(motions)
     start, end = motions.points[rows], motions.points[rows + 1]
     fed = np.asarray(motions.feed)[rows] > 0
@@ -163,7 +161,6 @@ def _where(point: Floats, low: Floats) -> str:
 
 
 def _too_large(contours: Contours, machine: Machine) -> list[str]:
-    """Return a line when no place on the bed holds the print."""
     size = np.diff(contours.offsets)
     printed = np.repeat(contours.role != Role.CUSTOM, size)
     if not printed.any():

@@ -172,7 +172,6 @@ def lines_in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
 
 
 def _check_totals(motions: Motions, source: Motions, taken: Taken | None) -> list[Fault]:
-    """Compare what each tool gives in the whole file."""
     ours, theirs = tools_of(motions), tools_of(source)
     most = int(max(ours.max(initial=0), theirs.max(initial=0))) + 1
     has = np.bincount(ours, np.asarray(motions.extrusion), most)
@@ -289,7 +288,6 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
 
 
 def _check_unretracted(book: Book, theirs: Ways, motions: Motions) -> list[Fault]:
-    """Check that the nozzle travels unretracted no farther than in the source."""
     found = farther_unretracted(ways_of(book, motions, theirs), theirs)
     line, bead = motions.line, book.bead[1:]
     return listed(FaultKind.STATE, [f"above line {line[bead[k]]} {t}" for k, t in found.items()])

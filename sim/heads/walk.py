@@ -302,12 +302,10 @@ class Walker:
         return points[first].tolist(), points[to].tolist(), float(contours.extrusion[segment])
 
     def _laid(self, k: int) -> Laid | str:
-        """Return what the plan's action lays down, from the source's own contour."""
         found = laid_by(self.job.contours, self.actions, k)
         return f"contour {self._contour[k]} {found}" if isinstance(found, str) else found
 
     def _states(self, laid: Laid) -> list[int]:
-        """Return the row of the source's states for each segment."""
         rows: list[int] = self.document.point_state[laid.rows].tolist()
         return rows
 
@@ -351,7 +349,6 @@ class Walker:
         return ""
 
     def _wipes_next(self) -> bool:
-        """Tell whether the next move that changes the position pulls filament."""
         m = self.at
         while m < self.end and self._stays[m]:
             m += 1
@@ -374,7 +371,6 @@ class Walker:
         self.at += 1
 
     def _other_state(self, mine: int, row: int) -> str:
-        """Return in words how a state of the file differs from the source's row."""
         if (mine, row) not in self._alike:
             words = words_of(self._ours(mine), self._theirs(row), self._kept)
             self._alike[mine, row] = ", ".join(words)
@@ -400,7 +396,6 @@ def _is_same(one: list[float], other: list[float], decimals: int) -> bool:
 
 
 def _distance(point: Floats, path: Floats) -> float:
-    """Return how far a point is from a polyline."""
     a, way = path[:-1], np.diff(path, axis=0)
     square = np.maximum((way**2).sum(axis=1), 1e-18)
     t = np.clip(((point - a) * way).sum(axis=1) / square, 0.0, 1.0)

@@ -116,7 +116,6 @@ def cut_handle() -> Any:
 
 
 def _printed_in(actions: HeadActions, contours: Contours, layer: int) -> Ints:
-    """Return the actions that print in a layer."""
     printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
     return np.asarray(printed[contours.layer[actions.contour[printed]] == layer])
 

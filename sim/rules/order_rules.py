@@ -201,8 +201,6 @@ def _bounds(contours: Contours, i: int) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _Points:
-    """Contours as points."""
-
     tree: cKDTree
     owner: Ints
     known: dict[int, int] = field(default_factory=dict)  # what `last_near` found
