@@ -47,6 +47,8 @@ MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
 UNLOADS_MM = 20.0  # more is no retraction: the filament is out of the hot end
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
+UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
+# that may move filament unseen, or after which it is another tool's
 SourcePrint = tuple[PrintJob, GcodeDocument]
 
 
@@ -250,6 +252,16 @@ def _pulled_back(
         tool = int(job.contours.tool[c])
         least[tool] = min(least.get(tool, np.inf), since[c].pulled)
     return {tool: deep for tool, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
+
+
+def belongs_to_bead(block: Block) -> bool:
+    """Tell whether what a block does with filament belongs to the contour behind it alone."""
+    return not any(reason.startswith(UNSEEN) for reason in block.reasons)
+
+
+def behind(block: Block, job: PrintJob) -> int:
+    """Return the contour that the source prints first behind a block."""
+    return int(np.searchsorted(job.contours.epoch, block.epoch))
 
 
 class FilamentBalance(NamedTuple):

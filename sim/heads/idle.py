@@ -48,6 +48,7 @@ class Idling:
 
     practice: Practice  # the machine's words before the source's
     stands: Set[int] | None  # actions before which it does; None: no plan says
+    pulled: Set[int] | None  # contours before which it does
     primed: Set[int] | None  # contours before which it has laid nothing for long
 
     @classmethod
@@ -59,17 +60,12 @@ class Idling:
         if tool is not None and job.settings.for_tool(tool).firmware_retraction:
             practice = replace(practice, retract_mm=0.0)  # the firmware knows no other length
         if not timed:
-            return cls(practice, None, None)
+            return cls(practice, None, None, None)
         stands = frozenset(_idle_stands(actions, job, idle.after_s))
-        return cls(practice, stands, _idle_before(actions, idle.after_s))
-
-    def pulled_before(self, actions: HeadActions) -> Set[int] | None:
-        """Return the contours before which it stands idle; None: no plan says."""
-        if self.stands is None:
-            return None
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-        places = np.searchsorted(prints, list(self.stands))
-        return frozenset(actions.contour[prints[places]].tolist())
+        pulled = actions.contour[prints[np.searchsorted(prints, sorted(stands))]]
+        primed = _idle_before(actions, idle.after_s)
+        return cls(practice, stands, frozenset(pulled.tolist()), primed)
 
 
 def _idle_stands(actions: HeadActions, job: PrintJob, after_s: float) -> Iterator[int]:

@@ -27,6 +27,7 @@ from sim.faults import Fault, FaultKind, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.extent import check_filament_feeds
 from sim.files.written import check_line_numbers
+from sim.heads.changes import behind, belongs_to_bead
 from sim.heads.file import (
     SAME_MM,
     HeadFile,
@@ -38,7 +39,6 @@ from sim.heads.file import (
 )
 from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idling, check_idle
-from sim.heads.ledger import behind, belongs_to_bead
 from sim.heads.order import FileParts, last_points
 from sim.heads.walk import OWED_MM, Walk, Walker
 

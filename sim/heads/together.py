@@ -28,7 +28,7 @@ from sim.files.settings import TravelSettings, settings_of, travelling
 from sim.files.written import source_text, travels_of
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, read_head_file
-from sim.heads.ledger import Printed, check_filament, dues_of
+from sim.heads.ledger import check_filament
 from sim.heads.one_file import Walked, walk_file
 from sim.heads.order import Intervals, check_order, check_sync
 from sim.heads.sync import Knowledge
@@ -81,7 +81,7 @@ def judge_together(
     faults = [fault for each in walked for fault in each.faults]
     complete = all(walk.complete for walk in walks)
     if complete:
-        faults += _check_filament(walked, plan, job, document)
+        faults += check_filament(walked, job, document)
     if (source := source_text(document)) is not None:
         faults += check_heads_book([file.lines.text for file in files], source)
         faults += _check_travels(walked, source, document)
@@ -96,28 +96,6 @@ def judge_together(
         faults += check_order(files, plan, known, parts, walks, intervals, read=read)
     signals = sum(len(file.syncs) for file in files)
     return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
-
-
-def _check_filament(
-    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument
-) -> list[Fault]:
-    """Check what all files give against what the source gives, by tool and between beads."""
-    if not len(job.contours):
-        return []
-    heads = []
-    for each, actions in zip(walked, plan.heads, strict=True):
-        part, laid, idling = each.part, each.walk.laid, each.idling
-        if laid:
-            tool = int(job.contours.tool[laid[0].contour])
-            practice = idling.practice
-            heads.append(
-                Printed(
-                    actions.head, each.file, tool, part.begin, laid, part.blocks, part.end,
-                    practice.prime_mm, idling.primed, practice.retract_mm,
-                    idling.pulled_before(actions),
-                )
-            )  # fmt: skip
-    return check_filament(heads, dues_of(job, document), job, document)
 
 
 def _check_travels(walked: Sequence[Walked], source: bytes, document: GcodeDocument) -> list[Fault]:
