@@ -253,7 +253,8 @@ class Walker:
 
         What stands before it pushes back what was retracted.
         """
-        if not _is_same(*laid.points[:2].tolist(), self.document.decimals[0]):
+        begin, to = laid.points[:2].tolist()
+        if not _is_same(begin, to, self.document.decimals[0]):
             return False
         owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
