@@ -5,8 +5,12 @@ Only words and numbers live here; the checks are in the other modules of `sim`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
+
+from numpy.typing import NDArray
 
 from decmcts.print.brief import brief
 
@@ -112,3 +116,10 @@ def listed(kind: FaultKind, lines: list[str], *, total: int | None = None) -> li
     if total > LIMIT:
         faults.append(Fault(kind, f"and {total - LIMIT} more"))
     return faults
+
+
+def listed_rows(
+    kind: FaultKind, rows: Sequence[Any] | NDArray[Any], text_of: Callable[[Any], str]
+) -> list[Fault]:
+    """Return the faults at these rows likewise; words are found only for those that are listed."""
+    return listed(kind, [text_of(row) for row in rows[:LIMIT]], total=len(rows))

@@ -21,7 +21,7 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from sim.arrays import Flags, Floats, Ints
 from sim.content.inventory import NO_MATCH, altered
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 
 NEAR_MM = 3e-3  # ends and centres together, rounding to three decimals on both sides
 ROUND_MM = 5e-3  # of the radius of a part, whose end is rounded, against that of the whole
@@ -170,10 +170,10 @@ def check_arcs(ours: Turns, source: Turns, moved: AbstractSet[int]) -> list[Faul
     extra = np.flatnonzero(match == NO_MATCH)
     foreign = extra[~_are_parts(ours, extra, source, may_part)]
     gone = np.setdiff1d(gone, may_part)
-    lines = [f"{ours.text(i)} is not in the source" for i in foreign[:LIMIT].tolist()]
-    faults += listed(FaultKind.ARC, lines, total=len(foreign))
-    lines = [f"{source.text(i)} is no arc of the result" for i in gone[:LIMIT].tolist()]
-    return faults + listed(FaultKind.ARC, lines, total=len(gone))
+    lines = [f"{ours.text(i)} is not in the source" for i in foreign.tolist()]
+    faults += listed(FaultKind.ARC, lines)
+    lines = [f"{source.text(i)} is no arc of the result" for i in gone.tolist()]
+    return faults + listed(FaultKind.ARC, lines)
 
 
 def _matched(ours: Turns, source: Turns) -> Ints:
@@ -205,7 +205,6 @@ def _are_parts(ours: Turns, extra: Ints, source: Turns, whole: Ints) -> Flags:
 
 
 def _is_part(ours: Turns, i: int, source: Turns, k: int) -> bool:
-    """Tell whether our arc i lies on the source's arc k."""
     if np.abs(ours.ends[i, [2, 5]] - source.ends[k, [2, 5]]).max() > NEAR_MM:
         return False
     centre = source.centre[k]
@@ -220,5 +219,4 @@ def _is_part(ours: Turns, i: int, source: Turns, k: int) -> bool:
 
 
 def _polar(point: Floats) -> tuple[float, float]:
-    """Return radius and angle of a point."""
     return float(np.hypot(*point)), float(np.arctan2(point[1], point[0]))

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from decmcts.print.contours import Contours
 from sim.arrays import Flags, Floats, Ints
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import LIMIT, Fault, FaultKind, listed, listed_rows
 
 GRID_MM = 1e-3
 NEAR_MM = 3e-3  # both ends together, rounding to three decimals on both sides
@@ -53,6 +53,10 @@ class Segments:
             f"{self.word} {self.place[i]}: ({x0:.3f}, {y0:.3f}, {z0:.3f}) to "
             f"({x1:.3f}, {y1:.3f}, {z1:.3f})"
         )
+
+    def faults(self, kind: FaultKind, rows: Ints, what: str) -> list[Fault]:
+        """Return a fault for each of these segments: what is wrong with it."""
+        return listed_rows(kind, rows, lambda i: f"{self.text(i)} {what}")
 
 
 def contour_segments(contours: Contours) -> Segments:
@@ -225,9 +229,9 @@ def compare(ours: Segments, source: Segments, match: Ints) -> list[Fault]:
     known = np.isin(_keys(ours)[extra], _keys(source)) if len(extra) else extra > 0
     doubled, foreign = extra[known], extra[~known]
     faults = [
-        *_each(FaultKind.MISSING, source, gone, "is not in the result"),
-        *_each(FaultKind.DOUBLED, ours, doubled, "comes more often than in the source"),
-        *_each(FaultKind.EXTRUSION, ours, foreign, "is not in the source"),
+        *source.faults(FaultKind.MISSING, gone, "is not in the result"),
+        *ours.faults(FaultKind.DOUBLED, doubled, "comes more often than in the source"),
+        *ours.faults(FaultKind.EXTRUSION, foreign, "is not in the source"),
     ]
     faults += altered(ours, source, match)
     return faults + _compare_total(ours, source)
@@ -266,11 +270,6 @@ def altered(ours: Extrusions, source: Extrusions, match: Ints) -> list[Fault]:
         ]
         faults += listed(kind, lines, total=len(off))
     return faults
-
-
-def _each(kind: FaultKind, segments: Segments, rows: Ints, text: str) -> list[Fault]:
-    lines = [f"{segments.text(i)} {text}" for i in rows[:LIMIT].tolist()]
-    return listed(kind, lines, total=len(rows))
 
 
 def _compare_total(ours: Segments, source: Segments) -> list[Fault]:

@@ -180,35 +180,16 @@ def _check_waits(actions: HeadActions) -> list[Fault]:
 
 
 def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
-    """Check that each print runs along its contour; only those that may not are asked why."""
+    """Check that each print runs along its contour."""
     lines = []
-    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    for a in prints[~_along(contours, actions, prints)].tolist():
+    for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
         problem = _print_problem(contours, actions, a)
         if problem:
             lines.append(f"{describe(actions, a)} {problem}")
     return listed(FaultKind.WRONG_PATH, lines)
 
 
-def _along(contours: Contours, actions: HeadActions, prints: Ints) -> Flags:
-    """Tell of each print, (n,), whether it runs along its contour from an end, all at once."""
-    contour, back = actions.contour[prints], actions.reversed[prints]
-    first, sizes = actions.path_offsets[prints], np.diff(actions.path_offsets)[prints]
-    begin, due = contours.offsets[contour], np.diff(contours.offsets)[contour]
-    along = (actions.entry[prints] == 0) & (sizes == due)
-    along &= ~back | contours.reversible[contour]
-    sizes = np.where(along, sizes, 0)
-    owner = np.repeat(np.arange(len(prints)), sizes)
-    within = np.arange(len(owner)) - (np.cumsum(sizes) - sizes)[owner]
-    nth = np.where(back[owner], sizes[owner] - 1 - within, within)
-    off = np.abs(actions.path[first[owner] + within] - contours.points[begin[owner] + nth])
-    x, y, z = (off <= SAME_MM).T
-    along[owner[~(x & y & z)]] = False
-    return np.asarray(along, np.bool_)
-
-
 def _print_problem(contours: Contours, actions: HeadActions, a: int) -> str:
-    """Return what is wrong with the path of one print action, or nothing."""
     contour, entry = int(actions.contour[a]), int(actions.entry[a])
     is_reversed = bool(actions.reversed[a])
     if is_reversed and not contours.reversible[contour]:

@@ -29,7 +29,7 @@ from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats, Ints
 from sim.content.arcs import arcs_of_parts
 from sim.content.over_walls import crossed_by
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 
 EXACT = 1e-9  # of places along a contour, of mm and of mm of filament
 ROUNDED_MM = 0.5e-3 + 1e-6  # a cut lies on the grid of a file of three decimals
@@ -147,7 +147,7 @@ def _named(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> lis
     off = np.flatnonzero(~((along >= 0.0) & (along <= most)))
     owner = np.searchsorted(pieces.offsets, off, side="right") - 1
     lines += [f"piece {p} has a point off contour {of[p]}" for p in np.unique(owner).tolist()]
-    return _listed(lines)
+    return listed(FaultKind.CONTOUR, lines)
 
 
 def _steps(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> _Steps:
@@ -164,7 +164,6 @@ def _steps(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> _St
 
 
 def _places(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> list[Fault]:
-    """Check where the points of pieces lie."""
     of = of.repeat(np.diff(pieces.offsets))
     first, last = contours.offsets[of], contours.offsets[of + 1] - 1
     vertex = np.minimum(first + np.floor(along).astype(np.int64), last - 1)
@@ -175,9 +174,8 @@ def _places(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> li
     bad = np.flatnonzero(off > np.where(whole, EXACT, ROUNDED_MM))
     owner = np.searchsorted(pieces.offsets, bad, side="right") - 1
     rows = np.unique(owner, return_index=True)[1]
-    return _listed([
-        f"piece {owner[k]} leaves contour {of[bad[k]]} by {off[bad[k]]:.4f} mm" for k in rows
-    ])  # fmt: skip
+    lines = [f"piece {owner[k]} leaves contour {of[bad[k]]} by {off[bad[k]]:.4f} mm" for k in rows]
+    return listed(FaultKind.CONTOUR, lines)
 
 
 def _amounts(pieces: Contours, contours: Contours, steps: _Steps) -> list[Fault]:
@@ -192,7 +190,7 @@ def _amounts(pieces: Contours, contours: Contours, steps: _Steps) -> list[Fault]
     lines = [
         f"piece {steps.piece[k]} has {pieces.extrusion[steps.point[k]]:.5f} mm of filament at "
         f"{pieces.feed[steps.point[k]]:.3f} mm/s in a part of contour {steps.of[k]}"
-        for k in laid[wrong][:LIMIT].tolist()
+        for k in laid[wrong].tolist()
     ]
     total = np.bincount(row, weights=given, minlength=len(contours.points))
     begins = np.zeros(len(contours.points), np.bool_)
@@ -200,7 +198,7 @@ def _amounts(pieces: Contours, contours: Contours, steps: _Steps) -> list[Fault]
     off = np.flatnonzero((np.abs(total - contours.extrusion) > EXACT) & ~begins)
     owner = np.unique(np.searchsorted(contours.offsets, off, side="right") - 1)
     lines += [f"the pieces of contour {c} have other filament than it" for c in owner.tolist()]
-    return listed(FaultKind.EXTRUSION, lines[:LIMIT], total=int(wrong.sum()) + len(owner))
+    return listed(FaultKind.EXTRUSION, lines)
 
 
 def _hops(
@@ -222,13 +220,14 @@ def _hops(
     wrong |= steps.end[hops] <= steps.begin[hops]
     feed = pieces.feed[steps.point[hops]]
     wrong |= False if travel_feed is None else np.abs(feed - travel_feed) > EXACT
-    return _listed([
+    lines = [
         f"piece {steps.piece[k]} hops {d:.3f} mm at {v:.3f} mm/s from {steps.begin[k]:.3f} to "
         f"{steps.end[k]:.3f} along contour {steps.of[k]}"
         for k, d, v in zip(
             hops[wrong].tolist(), length[wrong].tolist(), feed[wrong].tolist(), strict=True
         )
-    ])  # fmt: skip
+    ]
+    return listed(FaultKind.CONTOUR, lines)
 
 
 def _hidden(contours: Contours, of: Ints, begin: Floats, end: Floats) -> Flags:
@@ -255,7 +254,7 @@ def _coverage(contours: Contours, steps: _Steps) -> list[Fault]:
     gone = np.setdiff1d(np.arange(len(contours)), of)
     lines = [f"the pieces of contour {c} are not all of it, once" for c in sorted(wrong)]
     lines += [f"contour {c} has no piece" for c in gone.tolist()]
-    return listed(FaultKind.MISSING, lines[:LIMIT], total=len(lines))
+    return listed(FaultKind.MISSING, lines)
 
 
 def _allowed(
@@ -272,16 +271,12 @@ def _allowed(
     ]
     for name in ALIKE:
         off = np.flatnonzero(getattr(pieces, name) != getattr(contours, name)[of])
-        lines += [f"piece {k}: {name} is not that of contour {of[k]}" for k in off[:LIMIT].tolist()]
+        lines += [f"piece {k}: {name} is not that of contour {of[k]}" for k in off.tolist()]
     turned = np.flatnonzero(pieces.reversible & ~contours.reversible[of])
     lines += [f"piece {k} may be reversed, contour {of[k]} may not" for k in turned.tolist()]
     loops = np.flatnonzero(pieces.closed & (~contours.closed[of] | parted[of]))
     lines += [f"piece {k} is no loop" for k in loops.tolist()]
-    return _listed(lines)
-
-
-def _listed(lines: Sequence[str]) -> list[Fault]:
-    return listed(FaultKind.CONTOUR, list(lines[:LIMIT]), total=len(lines))
+    return listed(FaultKind.CONTOUR, lines)
 
 
 IN_ONE_GO_S = 1e-3  # between two ends that are one bead again
@@ -312,7 +307,6 @@ def _age(a: TimedStretch, b: TimedStretch) -> float:
 
 
 def _stretches(contours: Contours, actions: HeadActions, action: int) -> Iterator[TimedStretch]:
-    """Yield the stretches that an action prints."""
     piece = int(actions.contour[action])
     first, end = int(contours.offsets[piece]), int(contours.offsets[piece + 1])
     assert contours.along is not None  # as `of`
@@ -373,7 +367,6 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
 
 
 def _by_role(welds: dict[int, list[float]], roles: dict[int, int]) -> dict[str, int]:
-    """Return how many cuts are in what, by the name of the role."""
     found = Counter[str]()
     for c, ages in welds.items():
         found[Role(roles[c]).name.lower()] += len(ages)
@@ -381,7 +374,6 @@ def _by_role(welds: dict[int, list[float]], roles: dict[int, int]) -> dict[str, 
 
 
 def _alike(stated: object, due: float | dict[str, int] | None) -> bool:
-    """Tell whether a figure is stated as it is due."""
     if isinstance(due, dict):
         return stated == due
     if due is None or isinstance(stated, bool) or not isinstance(stated, int | float):

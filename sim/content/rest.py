@@ -29,7 +29,7 @@ from sim.content.inventory import (
     match_segments,
     places_of,
 )
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed_rows
 
 SUM_MM = 0.01  # of filament of the whole rest, and
 SUM_EACH_MM = 1e-6  # for each of its segments: files round
@@ -105,7 +105,7 @@ def _looked(
 def _foreign(looked: _Looked) -> list[Fault]:
     """Return what is in the rest and none of the print, or has other filament or feed there."""
     rows = np.flatnonzero(looked.spans.of[: looked.rest] == NO_MATCH)
-    return _each(FaultKind.EXTRUSION, looked.ours, rows, "is none of the print")
+    return looked.ours.faults(FaultKind.EXTRUSION, rows, "is none of the print")
 
 
 def _twice(looked: _Looked) -> list[Fault]:
@@ -119,8 +119,8 @@ def _twice(looked: _Looked) -> list[Fault]:
     ours = rows[order[found]], rows[order[found - 1]]
     mine = np.minimum(*ours)
     is_before = np.maximum(*ours) >= looked.rest
-    before_faults = _each(FaultKind.DOUBLED, looked.ours, mine[is_before], "was printed before")
-    twice = _each(FaultKind.DOUBLED, looked.ours, mine[~is_before], "is in the rest twice")
+    before_faults = looked.ours.faults(FaultKind.DOUBLED, mine[is_before], "was printed before")
+    twice = looked.ours.faults(FaultKind.DOUBLED, mine[~is_before], "is in the rest twice")
     return [*before_faults, *twice]
 
 
@@ -133,7 +133,7 @@ def _turned(looked: _Looked, whole: Contours) -> list[Fault]:
         place = places_of(looked.due.segments)
         rows = rows[np.bincount(place)[place[of[rows]]] == 1]
     words = "runs reversed, but the print forbids that"
-    return _each(FaultKind.WRONG_PATH, looked.ours, rows, words)
+    return looked.ours.faults(FaultKind.WRONG_PATH, rows, words)
 
 
 def _other_tools(
@@ -147,12 +147,11 @@ def _other_tools(
     allowed = meant.copy()
     for other, has in print_with.items():
         allowed[meant == other] = has
-    off = np.flatnonzero(allowed != mine)
-    lines = [
-        f"{looked.ours.text(rows[k])} is printed with tool {mine[k]}, in the print with tool "
-        f"{meant[k]}, which nobody has allowed" for k in off[:LIMIT].tolist()
-    ]  # fmt: skip
-    return listed(FaultKind.INELIGIBLE, lines, total=len(off))
+    return listed_rows(
+        FaultKind.INELIGIBLE, np.flatnonzero(allowed != mine),
+        lambda k: f"{looked.ours.text(rows[k])} is printed with tool {mine[k]}, in the print with "
+        f"tool {meant[k]}, which nobody has allowed",
+    )  # fmt: skip
 
 
 def _other_total(looked: _Looked) -> list[Fault]:
@@ -168,7 +167,6 @@ def _other_total(looked: _Looked) -> list[Fault]:
 
 
 def _missing(looked: _Looked, contours: int) -> str:
-    """Return in words what of the plan's own contours is in nothing."""
     spans, due = looked.spans, looked.due
     rows = np.flatnonzero(spans.of != NO_MATCH)
     order, before = reached_before(spans.of[rows], spans.low[rows], spans.high[rows])
@@ -186,11 +184,6 @@ def _missing(looked: _Looked, contours: int) -> str:
         f"{length:.1f} mm of the print are neither printed nor left, among them "
         f"{due.segments.text(int(gone[0]))}"
     )
-
-
-def _each(kind: FaultKind, segments: Segments, rows: Ints, text: str) -> list[Fault]:
-    lines = [f"{segments.text(i)} {text}" for i in rows[:LIMIT].tolist()]
-    return listed(kind, lines, total=len(rows))
 
 
 MOST = 0.5  # of a segment, that may be beside or twice where it is hardly longer than rounding

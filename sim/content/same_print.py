@@ -16,7 +16,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Head, Machine, MotionLimits
 from sim.arrays import Floats, Ints
 from sim.content.inventory import NO_MATCH, Segments
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 
 SAME = 1e-6  # mm or mm/s; plan.json keeps every bit, so nothing is rounded off
 
@@ -62,11 +62,9 @@ def check_contours(ours: Contours, source: Contours) -> list[Fault]:
         return [Fault(FaultKind.CONTOUR, text)]
     sizes, due = np.diff(ours.offsets), np.diff(source.offsets)
     odd = np.flatnonzero(sizes != due)
-    lines = [
-        f"contour {c} has {sizes[c]} points, in the source {due[c]}" for c in odd[:LIMIT].tolist()
-    ]
     if len(odd):
-        return listed(FaultKind.CONTOUR, lines, total=len(odd))
+        lines = [f"contour {c} has {sizes[c]} points, in the source {due[c]}" for c in odd]
+        return listed(FaultKind.CONTOUR, lines)
     source = replace(source, reversible=source.reversible & ours.reversible)
     owner = np.repeat(np.arange(len(ours)), sizes)
     faults: list[Fault] = []
@@ -79,9 +77,9 @@ def check_contours(ours: Contours, source: Contours) -> list[Fault]:
         lines = [
             f"contour {contour[k]}: {name} is {a[off[k]].tolist()}, in the source "
             f"{b[off[k]].tolist()}"
-            for k in rows[:LIMIT].tolist()
+            for k in rows
         ]
-        faults += listed(FaultKind.CONTOUR, lines, total=len(rows))
+        faults += listed(FaultKind.CONTOUR, lines)
     return faults
 
 
@@ -95,9 +93,9 @@ def check_accelerations(ours: Floats | None, source: PrintJob) -> list[Fault]:
     rows = np.unique(contour, return_index=True)[1]
     lines = [
         f"contour {contour[k]}: acceleration is {ours[off[k]]:g}, in the source {due[off[k]]:g}"
-        for k in rows[:LIMIT].tolist()
+        for k in rows
     ]
-    return listed(FaultKind.CONTOUR, lines, total=len(rows))
+    return listed(FaultKind.CONTOUR, lines)
 
 
 def check_machine(ours: Machine, named: Machine, source: PrintJob | None) -> list[Fault]:

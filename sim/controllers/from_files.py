@@ -29,7 +29,7 @@ from sim.controllers.program import (
     stops_of,
 )
 from sim.heads.file import HeadFile, read_head_file
-from sim.heads.heat import degrees_of, heat_of
+from sim.heads.heat import heat_of
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
 _LAYER_NAME = re.compile(
@@ -140,12 +140,9 @@ def _stops(
     for row, code in file.others:
         if _DWELLS.match(code):
             found.append((row, StopKind.DWELL, -1, dwell_seconds(file.lines, row - 1)))
-        elif (
-            row > set_up
-            and (heat := heat_of(code)) is not None
-            and (degrees := degrees_of(code)) is not None
-        ):
-            found.append((row, StopKind.HEAT if heat.waits else StopKind.TARGET, -1, degrees))
+        elif row > set_up and (heat := heat_of(code)) is not None and heat.degrees < np.inf:
+            kind = StopKind.HEAT if heat.waits else StopKind.TARGET
+            found.append((row, kind, -1, heat.degrees))
         elif (seconds := heaters.take(code)) > 0.0:
             found.append((row, StopKind.DWELL, -1, seconds))
         elif _RESTS.match(code):

@@ -95,7 +95,6 @@ def _limits(limits: MotionLimits, rate: Floats) -> tuple[tuple[MotionLimits, ...
 def _stops(
     document: PlanDocument, h: int, signals: SignalIndex, action: Ints, motion: Floats
 ) -> Stops:
-    """Return what stands between the moves of one head."""
     actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
     at_rest = document.machine.release == "action"
     awaited = places_of(document.plan, actions)

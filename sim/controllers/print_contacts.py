@@ -89,7 +89,6 @@ def _moves(
 def _moves_of(
     h: int, program: HeadProgram, run: HeadRun, beads: MoveBeads, begin_s: float
 ) -> Moves:
-    """Return the moves of one head."""
     m = len(program.feed)
     moved = (np.diff(program.points, axis=0) != 0.0).any(axis=1)
     return Moves(
@@ -114,7 +113,6 @@ def _standing(contours: Contours) -> Moves:
 
 
 def _joined(every: Sequence[Moves]) -> Moves:
-    """Return moves one after another."""
     base = np.cumsum([0, *(len(each.points) for each in every)])
     row = np.concatenate([each.row + first for each, first in zip(every, base, strict=False)])
     columns: dict[str, Any] = {

@@ -58,7 +58,6 @@ class Heaters:
         return seconds
 
     def _pass(self, seconds: float) -> None:
-        """Let all heaters warm for so long."""
         for heater, target in self.due.items():
             gain = seconds * (BED_C_S if heater == b"bed" else HOT_END_C_S)
             warm = self.warm.get(heater, AMBIENT_C)

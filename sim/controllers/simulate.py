@@ -179,7 +179,6 @@ def _errors(
     programs: Sequence[HeadProgram], run: Run, machine: Machine, heads: Sequence[Head],
     timing: Timing, size: float, trials: int, seed: int,
 ) -> Iterator[tuple[str, list[Error]]]:  # fmt: skip
-    """Yield the errors of each trial but the first."""
     if timing == Timing.NONE:
         return
     if timing == Timing.ADVERSARIAL:
@@ -216,7 +215,6 @@ def _trial(
 
 
 def _last_move(run: Run) -> float:
-    """Return when the last head that moves at all comes to rest."""
     ends = [head.end[np.isfinite(head.end)].max(initial=0.0) for head in run.heads]
     return float(max(ends, default=0.0))
 
@@ -278,7 +276,6 @@ def _waits(programs: Sequence[HeadProgram], run: Run) -> tuple[SimulatedWait, ..
 
 
 def _waits_of(program: HeadProgram, run: Run, h: int) -> list[SimulatedWait]:
-    """Return the waits of one head for which it stood."""
     head, stops = run.heads[h], program.stops
     rows = np.flatnonzero((stops.kind == StopKind.WAIT) & (head.by >= 0))
     found = []

@@ -117,7 +117,6 @@ def _taken(
     job: PrintJob, document: GcodeDocument, loose: frozenset[int], made: list[tuple[int, int]],
     epoch: NDArray[np.int32],
 ) -> Taken:  # fmt: skip
-    """Return the source with these blocks, and these epochs of its contours."""
     blocks = document.blocks
     refills = {e for e, k in made if blocks[k].epoch in job.refills}
     job = replace(job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills)))
@@ -171,7 +170,6 @@ def _filament(moves: Motions, block: Block) -> Floats | None:
 
 
 def _rows(moves: Motions, block: Block) -> tuple[int, int]:
-    """Return the first move of a block and the first behind it."""
     found = np.searchsorted(np.asarray(moves.line), (block.line, block.last_line + 1))
     return int(found[0]), int(found[1])
 

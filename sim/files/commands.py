@@ -41,7 +41,7 @@ from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
 from decmcts.formats.gcode.document import Block
 from decmcts.formats.gcode.text.lines import command_of
 from sim.arrays import Flags, Ints
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 
 LONGEST_DWELL_S = 600.0  # no layer time asks for more
 _NUMBER = rb"(?:\d++(?:\.\d++)?|\.\d++)"  # one way to read it, however long
@@ -103,8 +103,7 @@ def check_commands(
             lines.append(f"line {k + 1}: {shown(rows[k])} has an exponent: firmwares differ in it")
         if begin <= k < end and k not in taken and not accepted(rows[k], known):
             lines.append(f"line {k + 1}: {shown(rows[k])} is not in the source at this place")
-    found = listed(FaultKind.COMMAND, lines[:LIMIT], total=len(lines))
-    return found, Verbatim(begin + 1, end + 1, tuple(spans))
+    return listed(FaultKind.COMMAND, lines), Verbatim(begin + 1, end + 1, tuple(spans))
 
 
 def codes_of(text: bytes) -> list[bytes]:
@@ -257,7 +256,7 @@ def check_book(text: bytes, source: bytes, more: Mapping[bytes, int] | None = No
             missing.append(
                 f"{shown(command)} is missing (line {first[command]} of the source{often})"
             )
-    return listed(FaultKind.COMMAND, missing[:LIMIT], total=len(missing))
+    return listed(FaultKind.COMMAND, missing)
 
 
 def check_heads_book(texts: Sequence[bytes], source: bytes) -> list[Fault]:
@@ -274,7 +273,7 @@ def check_heads_book(texts: Sequence[bytes], source: bytes) -> list[Fault]:
         and command not in has
         and _TOOL.sub(b"", command) not in has
     ]
-    return listed(FaultKind.COMMAND, missing[:LIMIT], total=len(missing))
+    return listed(FaultKind.COMMAND, missing)
 
 
 def commands_of(text: bytes) -> Iterator[tuple[int, bytes]]:

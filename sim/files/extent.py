@@ -22,7 +22,7 @@ from sim.arrays import Flags, Floats, Ints
 from sim.content.inventory import Segments, move_segments
 from sim.content.laid import laying_rows
 from sim.content.paths import SAME_MM, describe
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed, listed_rows
 from sim.replay.shapes import Beads
 
 SIZE_MM = 0.01  # slicers round coordinates
@@ -64,11 +64,10 @@ def check_file_extent(motions: Motions, source: Motions, machine: Machine) -> li
     low[2], high[2] = min(0.0, float(low[2])), np.inf
     rows = moving(motions)
     bad = rows[_beyond(motions.points[rows + 1], low, high)]
-    lines = [
-        f"line {motions.line[i]} goes {_where(motions.points[i + 1], low)}"
-        for i in bad[:LIMIT].tolist()
-    ]
-    return listed(FaultKind.OUT_OF_REACH, lines, total=len(bad))
+    return listed_rows(
+        FaultKind.OUT_OF_REACH, bad,
+        lambda i: f"line {motions.line[i]} goes {_where(motions.points[i + 1], low)}",
+    )  # fmt: skip
 
 
 def check_file_feeds(motions: Motions, source: Motions, machine: Machine) -> list[Fault]:
@@ -100,14 +99,13 @@ def check_filament_feeds(motions: Motions | Motion, source: Motions, above: int 
 def _outside(
     motions: Motions | Motion, rows: Ints, low: float, high: float, what: str, above: int = 0
 ) -> list[Fault]:
-    """Return a fault for each of these moves whose feed is not in a range."""
     feed = np.asarray(motions.feed)[rows]
     bad = (feed < low * (1.0 - FEED_SHARE)) | (feed > high * (1.0 + FEED_SHARE))
-    lines = [
-        f"line {motions.line[i] + above} {what} at {v:.3f} mm/s; {low:.3f} to {high:.3f} are due"
-        for i, v in zip(rows[bad][:LIMIT].tolist(), feed[bad][:LIMIT].tolist(), strict=True)
-    ]
-    return listed(FaultKind.FEED, lines, total=int(bad.sum()))
+    due = f"{low:.3f} to {high:.3f} are due"
+    return listed_rows(
+        FaultKind.FEED, rows[bad],
+        lambda i: f"line {motions.line[i] + above} {what} at {motions.feed[i]:.3f} mm/s; {due}",
+    )  # fmt: skip
 
 
 def _filament_alone(motions: Motions | Motion) -> Ints:
@@ -131,12 +129,10 @@ def _feedless_moves(motions: Motions, source: Motions) -> list[Fault]:
     new = [
         i for i, row in zip(rows.tolist(), ends.tolist(), strict=True) if tuple(row) not in theirs
     ]
-    lines = [f"line {motions.line[i]} moves at feed 0" for i in new[:LIMIT]]
-    return listed(FaultKind.FEED, lines, total=len(new))
+    return listed(FaultKind.FEED, [f"line {motions.line[i]} moves at feed 0" for i in new])
 
 
 def _feedless(motions: Motions) -> tuple[Ints, Floats]:
-    """Return the moves without a feed and both their ends, rounded."""
     rows = moving(motions)
     start, end = motions.points[rows], motions.points[rows + 1]
     fed = np.asarray(motions.feed)[rows] > 0
@@ -165,7 +161,6 @@ def _where(point: Floats, low: Floats) -> str:
 
 
 def _too_large(contours: Contours, machine: Machine) -> list[str]:
-    """Return a line when no place on the bed holds the print."""
     size = np.diff(contours.offsets)
     printed = np.repeat(contours.role != Role.CUSTOM, size)
     if not printed.any():

@@ -25,7 +25,7 @@ import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from sim.arrays import Flags, Floats, Ints
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
 from sim.files.unretracted import SAME_MM, Spans, Ways, farther_unretracted
@@ -172,7 +172,6 @@ def lines_in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
 
 
 def _check_totals(motions: Motions, source: Motions, taken: Taken | None) -> list[Fault]:
-    """Compare what each tool gives in the whole file."""
     ours, theirs = tools_of(motions), tools_of(source)
     most = int(max(ours.max(initial=0), theirs.max(initial=0))) + 1
     has = np.bincount(ours, np.asarray(motions.extrusion), most)
@@ -202,14 +201,14 @@ def _check_nets(book: Book, own: Book, motions: Motions) -> list[Fault]:
     lines = [
         f"line {line[at[k]]} begins a bead with {in_words(book.before.net[k])}, "
         f"the source with {in_words(due[k])}"
-        for k in off[:LIMIT].tolist()
+        for k in off.tolist()
     ]
     lines += [
         f"above line {line[at[k]]} the source's own lines are begun with "
         f"{in_words(book.above.net[k])}, in the source with {in_words(due_above[k])}"
-        for k in above[:LIMIT].tolist()
+        for k in above.tolist()
     ]
-    return listed(FaultKind.STATE, lines, total=len(off) + len(above))
+    return listed(FaultKind.STATE, lines)
 
 
 def _by_lines(own: Book, values: Floats) -> Floats:
@@ -242,14 +241,13 @@ def _check_depths(book: Book, own: Book, motions: Motions) -> list[Fault]:
     retracts, pushes = np.zeros(n), np.zeros(n)
     np.maximum.at(retracts, own.tool[kept], np.abs(own.deepest[kept]))
     np.maximum.at(pushes, own.tool[kept], own.before.high[kept])
-    texts, total = list[str](), 0
+    texts = list[str]()
     for ours, theirs in ((book.before, own.before), (book.above, own.above)):
         tool, low, high = ours.tool, ours.low, ours.high
         most = np.maximum(retracts[tool], _by_lines(own, -theirs.low)[stands])
         highest = pushes[tool] + _by_lines(own, theirs.high)[stands]
         deep, up = -low - most > MORE_MM, high - highest > MORE_MM
         wrong = np.flatnonzero(deep | up)
-        total += len(wrong)
         texts += [
             f"above line {motions.line[book.bead[k]]} tool {tool[k]} "
             + (
@@ -257,9 +255,9 @@ def _check_depths(book: Book, own: Book, motions: Motions) -> list[Fault]:
                 if deep[k]
                 else f"pushes {high[k]:.4g} mm on the spot, in the source {highest[k]:.4g} at most"
             )
-            for k in wrong[:LIMIT].tolist()
+            for k in wrong.tolist()
         ]
-    return listed(FaultKind.STATE, texts, total=total)
+    return listed(FaultKind.STATE, texts)
 
 
 def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) -> list[Fault]:
@@ -277,20 +275,19 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
     texts = [
         f"above line {motions.line[k]} the firmware retracts, in the source it does not for tool "
         f"{tools_of(motions)[k]}"
-        for k in foreign[:LIMIT].tolist()
+        for k in foreign.tolist()
     ]
     due = np.zeros(int(max(own.contour.max(), book.contour.max())) + 1, np.bool_)
     due[own.contour] = _withdrawn(source)[own.bead]
     wrong = np.flatnonzero(_withdrawn(motions)[book.bead] & ~due[book.contour])
     texts += [
         f"line {motions.line[book.bead[k]]} begins a bead retracted by the firmware"
-        for k in wrong[:LIMIT].tolist()
+        for k in wrong.tolist()
     ]
-    return listed(FaultKind.STATE, texts, total=len(foreign) + len(wrong))
+    return listed(FaultKind.STATE, texts)
 
 
 def _check_unretracted(book: Book, theirs: Ways, motions: Motions) -> list[Fault]:
-    """Check that the nozzle travels unretracted no farther than in the source."""
     found = farther_unretracted(ways_of(book, motions, theirs), theirs)
     line, bead = motions.line, book.bead[1:]
     return listed(FaultKind.STATE, [f"above line {line[bead[k]]} {t}" for k, t in found.items()])

@@ -26,7 +26,7 @@ from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from sim.arrays import Ints
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed_rows
 from sim.files.commands import codes_of, commands_of, in_force
 
 _HEAT = re.compile(rb"M1(04|09|40|90|41|91) ?(.*)", re.I | re.S)
@@ -70,13 +70,11 @@ def check_temperatures(
     }
     a, b = in_force(ours, number, line), in_force(theirs, number, source_line)
     words = list(number)
-    wrong = np.flatnonzero(a != b)
-    lines = [
-        f"line {line[k]} is printed with {_differing(words[a[k]], words[b[k]])} "
-        f"(line {source_line[k]} there)"
-        for k in wrong[:LIMIT].tolist()
-    ]
-    return listed(FaultKind.STATE, lines, total=len(wrong))
+    return listed_rows(
+        FaultKind.STATE, np.flatnonzero(a != b),
+        lambda k: f"line {line[k]} is printed with {_differing(words[a[k]], words[b[k]])} "
+        f"(line {source_line[k]} there)",
+    )  # fmt: skip
 
 
 def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:

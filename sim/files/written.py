@@ -27,7 +27,6 @@ from decmcts.formats.gcode import (
     GcodeDocument,
     Motions,
     read_gcode,
-    read_motions,
     read_written,
 )
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
@@ -106,9 +105,7 @@ def _verify(
     seams: Sequence[Moved] | None, actions: HeadActions | None, plate: int | None,
 ) -> Verdict:  # fmt: skip
     """Return the verdict on a file with the epochs and the blocks that are given."""
-    source = moves_of(document)
-    if source is None:
-        raise InputError("the source's moves are not known", path=document.path)
+    source = document.moves
     try:
         written = _read_back(path, job, document, source, seams, plate)
     except InputError as error:
@@ -136,7 +133,6 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     print no contour are warnings, as in what is made of it.
     """
     moves = document.moves
-    assert moves is not None
     checked = ("the file is its source, byte for byte",)
     return check_moves(moves, moves, machine, job=job).verdict(checked=checked)
 
@@ -275,16 +271,6 @@ def _check_waits(
                 used = found + 1
             due = 0.0
     return listed(FaultKind.COOLING, lines)
-
-
-def moves_of(document: GcodeDocument) -> Motions | None:
-    """Return the moves of the source; None where it was no G-code file."""
-    if document.moves is not None:
-        return document.moves
-    try:
-        return read_motions(document.path, document.plate)
-    except InputError:
-        return None
 
 
 _MARK = re.compile(

@@ -32,23 +32,23 @@ from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Practice
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 from sim.files.changes import codes_of
 from sim.files.commands import command_in, commands_of, sets_state
 from sim.files.written import source_text
 from sim.heads.file import ContourMoves, HeadFile
-from sim.heads.heat import SELECTS, degrees_of, heat_due
+from sim.heads.heat import SELECTS, heat_due, heat_of
 
-_HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
 _MOVES = re.compile(
     rb"G(?:[0-4]|1[01](?!.*[PL])|21|9[01])(?![\d.])|G92 ?E|M(?:400|8[23])(?![\d.])", re.I
 )
-_NAMED = re.compile(rb"(?:(?<=\d)| )T ?(\d+)", re.I)
 
 MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
 UNLOADS_MM = 20.0  # more is no retraction: the filament is out of the hot end
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
+UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
+# that may move filament unseen, or after which it is another tool's
 SourcePrint = tuple[PrintJob, GcodeDocument]
 
 
@@ -164,19 +164,12 @@ def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:
     for line, command in commands_of(text):
         if chosen := _selects(command):
             selected = int(chosen[1])
-        elif heat := _HEATS.match(command):
-            named = _NAMED.search(b" " + heat[1])
-            tool = int(named[1]) if named else selected
-            for each in found.values() if every and not named else [found.get(tool)]:
+        elif (heat := heat_of(command)) is not None:
+            tool = selected if heat.tool is None else heat.tool
+            for each in found.values() if every and heat.tool is None else [found.get(tool)]:
                 if each is not None:
-                    each.stated.append((line, _degrees(heat[1])))
+                    each.stated.append((line, heat.degrees))
     return found
-
-
-def _degrees(words: bytes) -> float:
-    """Return what a hot end is told; without a number, as in templates of hosts, that is hot."""
-    degrees = degrees_of(words)
-    return np.inf if degrees is None else degrees
 
 
 def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
@@ -184,7 +177,7 @@ def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
     codes, changes = codes_of(block), _changes(block)
     if block.tower or block.begin.relative_e != block.end.relative_e:
         return False
-    if not changes and not (codes and all(_HEATS.match(code) for code in codes)):
+    if not changes and not (codes and all(map(heat_of, codes))):
         return False
     if not all(_sets_up(code) or sets_state(code) or code[:4] == b"M73 " for code in codes):
         return False
@@ -201,7 +194,7 @@ def _selects(code: bytes) -> re.Match[bytes] | None:
 
 
 def _sets_up(code: bytes) -> bool:
-    return bool(code) and bool(_selects(code) or _HEATS.match(code) or _MOVES.match(code))
+    return bool(code) and bool(_selects(code) or heat_of(code) or _MOVES.match(code))
 
 
 def _starts(
@@ -260,6 +253,16 @@ def _pulled_back(
     return {tool: deep for tool, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
 
 
+def belongs_to_bead(block: Block) -> bool:
+    """Tell whether what a block does with filament belongs to the contour behind it alone."""
+    return not any(reason.startswith(UNSEEN) for reason in block.reasons)
+
+
+def behind(block: Block, job: PrintJob) -> int:
+    """Return the contour that the source prints first behind a block."""
+    return int(np.searchsorted(job.contours.epoch, block.epoch))
+
+
 class FilamentBalance(NamedTuple):
     """What a tool does between two contours it prints, mm of filament."""
 
@@ -308,9 +311,9 @@ def check_hot_ends(
     words = list[str]()
     for file, laid in heads:
         stated = [
-            (line, _degrees(heat[1]))
+            (line, heat.degrees)
             for line, command in commands_of(file.lines.text)
-            if (heat := _HEATS.match(command))
+            if (heat := heat_of(command)) is not None
         ]
         has = _Tool(stated, [])
         for contour, begin, _ in laid:
@@ -322,4 +325,4 @@ def check_hot_ends(
                     f"head {file.name}, line {line}: contour {contour} is printed with the hot end "
                     f"told {here:g} degrees, in the source {due:g}"
                 )
-    return listed(FaultKind.STATE, words[:LIMIT], total=len(words))
+    return listed(FaultKind.STATE, words)

@@ -21,6 +21,7 @@ _MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])(?!.*[PL])", re.I)
 _HOT_END = re.compile(rb"M10([49])(?![0-9.])(.*)", re.I)
 _OF_BED = re.compile(rb"M1(40|90)(?![0-9.])(.*)", re.I)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
+_NAMED = re.compile(rb"(?:(?<=\d)| )T ?0*(25[0-4]|2[0-4]\d|1?\d?\d)(?!\d)", re.I)
 SELECTS = re.compile(rb"T0*(25[0-4]|2[0-4]\d|1?\d?\d)\Z", re.I)  # a tool: none is above 254
 
 
@@ -28,8 +29,13 @@ class Heat(NamedTuple):
     """A command that heats or cools a hot end."""
 
     waits: bool
-    heats: bool
+    degrees: float  # inf: none are stated, as in templates of some hosts, which heat
     tool: int | None
+
+    @property
+    def heats(self) -> bool:
+        """Whether it heats; else it switches off."""
+        return self.degrees > 0.0
 
 
 class Due(NamedTuple):
@@ -42,17 +48,14 @@ class Due(NamedTuple):
 
 
 def heat_of(code: bytes) -> Heat | None:
-    """Return a command, comments left out, as what it does to a hot end; None: nothing.
-
-    One without a number, as in the templates of some hosts, heats.
-    """
+    """Return a command, comments left out, as what it does to a hot end; None: nothing."""
     match = _HOT_END.match(code)
     if match is None:
         return None
-    degrees = degrees_of(match[2])
-    tools = [int(chosen[1]) for word in match[2].split() if (chosen := SELECTS.match(word))]
-    heats = degrees is None or degrees > 0.0
-    return Heat(match[1] == b"9", heats, tools[0] if tools else None)
+    degrees, named = degrees_of(match[2]), _NAMED.search(b" " + match[2])
+    return Heat(
+        match[1] == b"9", np.inf if degrees is None else degrees, int(named[1]) if named else None
+    )
 
 
 def degrees_of(words: bytes) -> float | None:

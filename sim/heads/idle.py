@@ -2,37 +2,33 @@
 
 The head of a plan stands idle where, by the plan's times, its next action begins long after the
 one before has ended, or is a long rest; a bead of it must follow, and none of the source's own
-lines stand in between (`idle_stands`). There
+lines stand in between. There its filament is pulled back as far as the source does at changes of
+tools, or the machine says.
 
-- its filament is pulled back as far as the source does at changes of tools, or the machine says;
-- it may be told another temperature, in these lines and no others: M400, M104 to standby, a
-  dwell, M104 back, what it waits for, M109. Nothing moves in between. The dwell ends while it
-  still would have to stand for as long as heating takes, and none makes it stand longer than
-  planned. One that stays hot instead is no fault.
+Anywhere between two actions it may be told another temperature, in these lines and no others: M400,
+M104 to standby, a dwell, M104 back, what it waits for, M109. Nothing moves in between. When and for
+how long is not looked at: that costs time alone. One that stays hot instead is no fault.
 
-Files without their plan tell no times, so lengths are not looked at then. How hot a head may be
-where it prints is compared elsewhere, bead by bead (`sim.heads.changes`).
+Files without their plan tell no times, so how far is pulled back is not looked at then. How hot a
+head may be where it prints is compared elsewhere, bead by bead (`sim.heads.changes`).
 """
 
 from __future__ import annotations
 
 import re
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Idle, Practice
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.heads.file import FileWaits, HeadFile
+from sim.heads.file import HeadFile
 from sim.heads.walk import OWED_MM, Walk
 
-_OWN = IDLE_MARK.encode()  # behind a dwell at standby
-LATE_S = 0.01  # files say milliseconds, each dwell up to one more
 _SETS_HEAT = re.compile(rb"M(104|109) S(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)
 _STATED = re.compile(rb"M10[49] [SR] ?(\d++(?:\.\d*+)?|\.\d++)\Z", re.I)  # by any source
 _HEATS = re.compile(rb"M0*10[49](?!\d)", re.I)
@@ -46,66 +42,50 @@ _UNSEEN = re.compile(
 )
 
 
-class IdleStand(NamedTuple):
-    """A head stands idle before an action."""
-
-    seconds: float
-    behind_s: float  # of it, from what it waits for on
-
-
 @dataclass(frozen=True, slots=True)
 class Idling:
     """Where a head stands idle, and what it has to do there."""
 
-    idle: Idle
     practice: Practice  # the machine's words before the source's
-    stands: Mapping[int, IdleStand] | None  # by action; None: no plan says
+    stands: Set[int] | None  # actions before which it does; None: no plan says
+    pulled: Set[int] | None  # contours before which it does
     primed: Set[int] | None  # contours before which it has laid nothing for long
 
     @classmethod
     def of(
-        cls, idle: Idle, actions: HeadActions, head: int, job: PrintJob, tool: int | None, *,
-        timed: bool,
-    ) -> Idling:  # fmt: skip
+        cls, idle: Idle, actions: HeadActions, job: PrintJob, tool: int | None, *, timed: bool
+    ) -> Idling:
         """Return what a head has to do by its actions; by none of their times unless `timed`."""
         practice = idle.over(job.practice(tool))
         if tool is not None and job.settings.for_tool(tool).firmware_retraction:
             practice = replace(practice, retract_mm=0.0)  # the firmware knows no other length
         if not timed:
-            return cls(idle, practice, None, None)
-        stands = dict(idle_stands(actions, head, job, idle.after_s))
-        return cls(idle, practice, stands, idle_before(actions, idle.after_s))
-
-    def pulled_before(self, actions: HeadActions) -> Set[int] | None:
-        """Return the contours before which it stands idle; None: no plan says."""
-        if self.stands is None:
-            return None
+            return cls(practice, None, None, None)
+        stands = frozenset(_idle_stands(actions, job, idle.after_s))
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-        places = np.searchsorted(prints, list(self.stands))
-        return frozenset(actions.contour[prints[places]].tolist())
+        pulled = actions.contour[prints[np.searchsorted(prints, sorted(stands))]]
+        primed = _idle_before(actions, idle.after_s)
+        return cls(practice, stands, frozenset(pulled.tolist()), primed)
 
 
-def idle_stands(
-    actions: HeadActions, head: int, job: PrintJob, after_s: float
-) -> Iterator[tuple[int, IdleStand]]:
+def _idle_stands(actions: HeadActions, job: PrintJob, after_s: float) -> Iterator[int]:
     """Yield the actions before which a head stands idle."""
     kind, contour = actions.kind.tolist(), actions.contour.tolist()
     begin, end = actions.begin_s.tolist(), actions.end_s.tolist()
-    epochs, held = job.contours.epoch, dict[int, IdleStand]()
+    epochs, held = job.contours.epoch, list[int]()
     now, before = int(epochs.min(initial=0)), 0.0
     for k, does in enumerate(kind):
         rests = end[k] - begin[k] if does == ActionKind.WAIT else 0.0
-        if (seconds := begin[k] - before + rests) >= after_s:
-            lags = (edge.lag_s for edge in actions.after_edges(k) if edge.head != head)
-            held[k] = IdleStand(seconds, rests + max(lags, default=0.0))
+        if begin[k] - before + rests >= after_s:
+            held.append(k)
         before = end[k]
         if does == ActionKind.PRINT:
             if (epoch := int(epochs[contour[k]])) == now:
-                yield from held.items()
-            held, now = {}, epoch
+                yield from held
+            held, now = [], epoch
 
 
-def idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
+def _idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
     """Return the contours before which a head has laid nothing for so long, by its plan's times.
 
     Before its first one it has laid nothing since the heads begin.
@@ -166,37 +146,16 @@ def check_idle(
     `taken` are the lines that are the source's own. Before the head's first bead it may have so
     much less retracted as the source pushes there beyond what was pulled (`beyond_mm`).
     """
-    words, lines = list[str](), set[int]()
     own = [
         (line, code)
         for line, code in file.others
         if begin < line < end and line not in taken and (code == b"M400" or _SETS_HEAT.match(code))
     ]
     groups, heats = list(_standbys(own)), _Heats.of(file)
+    words = [text for group in groups for text in _heated_wrong(file, heats, group, idling)]
     windows = list(zip([begin, *walk.last], walk.ahead(end), strict=True))[:-1]
-    free = [] if idling.stands is None else sorted(idling.stands.items())
-    for group in groups:
-        lines.update(group.lines)
-        words += _heated_wrong(file, heats, group, idling)
-        if idling.stands is None:
-            words += _waitless(file.rests, group)
-            continue
-        here = [n for n, (k, _) in enumerate(free) if _within(group, windows[k])]
-        if not here:
-            words.append(
-                f"line {group.lines[1]}: it cools where the plan has it wait for no long time"
-            )
-            continue
-        late = [
-            list(_late(file.rests, group, stand, windows[k], idling.idle))
-            for k, stand in (free[n] for n in here)
-        ]
-        best = next((i for i, each in enumerate(late) if not each), 0)  # a rest and what waits
-        words += late[best]  # behind it stand between the same lines
-        del free[: here[best] + 1]
-    words += _dwelt_elsewhere(file, groups)
     words += _pushed(file, windows, idling, walk, beyond_mm)
-    return words, lines
+    return words, {line for group in groups for line in group.lines}
 
 
 def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[StandbyLines]:
@@ -212,17 +171,6 @@ def _standbys(own: Sequence[tuple[int, bytes]]) -> Iterator[StandbyLines]:
             k += 4
         else:
             k += 1
-
-
-def _within(group: StandbyLines, window: tuple[int, int]) -> bool:
-    return window[0] < group.lines[0] and group.lines[-1] < window[1]
-
-
-def _waitless(rests: FileWaits, group: StandbyLines) -> Iterator[str]:
-    """Yield a line where there is nothing that a head stands for at standby, or while it heats."""
-    first, last = group.lines[1], group.lines[-1]
-    if not _between(rests.waits, first, last) and not _between(rests.dwells, first, last):
-        yield f"line {first}: it cools where it does not wait"
 
 
 def _heated_wrong(
@@ -250,42 +198,6 @@ def _heated_wrong(
         yield f"line {first}: it moves before it is hot again in line {last}"
     if _between(file.rests.signals, first, last):
         yield f"line {first}: others wait for it until it is hot again in line {last}"
-
-
-def _dwelt_elsewhere(file: HeadFile, groups: Sequence[StandbyLines]) -> Iterator[str]:
-    """Yield the dwells at standby that stand beside no standby."""
-    within = {
-        line
-        for group in groups
-        for line in _between(file.rests.dwells, group.lines[0], group.lines[-1])
-    }
-    for line in file.rests.dwells:
-        if line not in within and file.row(line).rstrip().endswith(_OWN):
-            yield f"line {line}: it dwells as at standby, and is at none"
-
-
-def _late(
-    rests: FileWaits, group: StandbyLines, stand: IdleStand, window: tuple[int, int], idle: Idle
-) -> Iterator[str]:
-    """Yield what makes a head stand longer than planned, or not be hot in time."""
-    _, cool, heat, last = group.lines
-    waits = _between(rests.waits, cool, last)
-    begins = min(waits, default=last)  # of what it waits for
-    before = until = rests.between_s(cool, min(begins, heat))
-    if waits and begins < heat:
-        until = stand.seconds - stand.behind_s + rests.between_s(begins, heat)
-    takes = (group.degrees[1] - group.degrees[0]) / idle.heat_c_s
-    if waits:
-        known_s = stand.seconds - stand.behind_s
-    else:  # what it waits for has happened above, or it waits for nothing
-        known_s = stand.behind_s if _between(rests.waits, window[0], cool) else stand.seconds
-    if before > known_s + LATE_S:
-        yield f"line {cool}: it dwells {before:.1f} s at standby, and may go on sooner by the plan"
-    if until + takes > stand.seconds + LATE_S:
-        yield (
-            f"line {heat}: it is heated {until:.1f} s into a wait of {stand.seconds:.1f} s, too "
-            f"late for {takes:.1f} s"
-        )
 
 
 def _pushed(

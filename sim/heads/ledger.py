@@ -18,7 +18,7 @@ How much is retracted is counted here, from the moves of the files and of the so
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,28 +41,9 @@ from sim.files.ledger import (
     ways_of,
 )
 from sim.files.unretracted import Spans, Ways, farther_unretracted
-from sim.heads.changes import NO_GAP, gaps_of_tools
-from sim.heads.file import ContourMoves, HeadFile
-
-UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
-# that may move filament unseen, or after which it is another tool's
-
-
-@dataclass(frozen=True, slots=True)
-class Printed:
-    """What one head's file prints, and where it has the source's own lines."""
-
-    name: str
-    file: HeadFile
-    tool: int
-    begin: int  # its first move below the start code
-    beads: Sequence[ContourMoves]  # in its order
-    blocks: Sequence[Sequence[int]]  # lines (from 1) of each block, none where it has no command
-    end: int  # its first move of the end code
-    prime_mm: float = 0.0  # pushed beyond where it has laid nothing for long
-    primed: Container[int] | None = frozenset()  # before these contours; None: no plan says
-    deep_mm: float = 0.0  # may be retracted where it stands idle
-    pulled: Container[int] | None = frozenset()  # before these contours; None: no plan says
+from sim.heads.changes import NO_GAP, behind, belongs_to_bead, gaps_of_tools
+from sim.heads.file import ContourMoves
+from sim.heads.one_file import Walked
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,22 +67,12 @@ class Dues:
     ways: Ways  # from contour to contour
 
 
-def belongs_to_bead(block: Block) -> bool:
-    """Tell whether what a block does with filament belongs to the contour behind it alone."""
-    return not any(reason.startswith(UNSEEN) for reason in block.reasons)
-
-
-def behind(block: Block, job: PrintJob) -> int:
-    """Return the contour that the source prints first behind a block."""
-    return int(np.searchsorted(job.contours.epoch, block.epoch))
-
-
-def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
+def dues_of(job: PrintJob, document: GcodeDocument) -> Dues:
     """Return the source's own account; linear in its moves.
 
     The moves have the source's numbers of contours, `job` may have pieces of them.
     """
-    begins = beginnings(job.contours)
+    source, begins = document.moves, beginnings(job.contours)
     contour, extrusion = np.asarray(source.contour), np.asarray(source.extrusion)
     laid = np.flatnonzero(contour >= 0)
     spans = lines_in_source(document)
@@ -190,15 +161,16 @@ def _owed(extrusion: Floats) -> Floats:
     return np.asarray(pulled - np.minimum.accumulate(pulled))
 
 
-def check_filament(
-    heads: Sequence[Printed], dues: Dues, job: PrintJob, document: GcodeDocument
-) -> list[Fault]:
+def check_filament(walked: Sequence[Walked], job: PrintJob, document: GcodeDocument) -> list[Fault]:
     """Check the filament of all heads' files against the source's; linear in their moves."""
-    texts, over = list[str](), dict[int, float]()
-    for head in heads:
-        account = _Account(head, dues, job, document)
-        texts += [f"head {head.name}, {text}" for text in account.run()]
-        over[head.tool] = over.get(head.tool, 0.0) + account.over
+    printing = [each for each in walked if each.walk.laid]
+    if not printing:
+        return []
+    dues, texts, over = dues_of(job, document), list[str](), dict[int, float]()
+    for each in printing:
+        account = _Account(each, dues, job, document)
+        texts += [f"head {each.file.name}, {text}" for text in account.run()]
+        over[account.tool] = over.get(account.tool, 0.0) + account.over
     lines = [
         f"the files of all heads give {abs(much):.5f} mm of filament of tool {tool} "
         f"{'more' if much > 0.0 else 'less'} than the source does"
@@ -211,19 +183,22 @@ def check_filament(
 class _Account:
     """Goes through one file from bead to bead and keeps what is retracted."""
 
-    def __init__(self, head: Printed, dues: Dues, job: PrintJob, document: GcodeDocument) -> None:
-        self.head, self.dues, self.job, self.document = head, dues, job, document
-        total = np.concatenate([[0.0], np.cumsum(head.file.motion.extrusion)])
+    def __init__(self, walked: Walked, dues: Dues, job: PrintJob, document: GcodeDocument) -> None:
+        self.dues, self.job, self.document = dues, job, document
+        self.motion, self.part, self.idling = walked.file.motion, walked.part, walked.idling
+        self.beads = walked.walk.laid
+        self.tool = int(job.contours.tool[self.beads[0].contour])
+        total = np.concatenate([[0.0], np.cumsum(self.motion.extrusion)])
         self.total: list[float] = total.tolist()  # given before each move, and by all
-        self.parked = float(_owed(head.file.motion.extrusion[: head.begin])[-1])
+        self.parked = float(_owed(self.motion.extrusion[: self.part.begin])[-1])
         self.retracted = self.parked
         if self._mine(dues.start_tool):
             self.retracted += dues.start
-        elif head.tool in dues.starts:
-            self.retracted += dues.starts[head.tool]
+        elif self.tool in dues.starts:
+            self.retracted += dues.starts[self.tool]
         self.parked = max(self.parked, self.retracted)  # or as the source left its tool before
         self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
-        self.at = head.begin  # the move behind the last bead, or the source's own lines
+        self.at = self.part.begin  # the move behind the last bead, or the source's own lines
         self.last = -1  # the move behind the last bead
         self.over = 0.0  # mm given beyond what is due
         self.changed = False  # whether the source's own change of tools stands before the next bead
@@ -232,10 +207,10 @@ class _Account:
 
     def run(self) -> list[str]:
         """Return what is wrong, in words."""
-        mine = {bead.contour for bead in self.head.beads}
-        blocks = list(zip(self.document.blocks, self.head.blocks, strict=True))
+        mine = {bead.contour for bead in self.beads}
+        blocks = list(zip(self.document.blocks, self.part.blocks, strict=True))
         crossed = 0
-        for bead in self.head.beads:
+        for bead in self.beads:
             epoch, self.changed = int(self.job.contours.epoch[bead.contour]), False
             while crossed < len(blocks) and blocks[crossed][0].epoch <= epoch:
                 block, lines = blocks[crossed]
@@ -244,10 +219,10 @@ class _Account:
                 crossed += 1
             self._begin(bead)
         self.texts += self._unretracted()
-        pushed = self.total[max(self.head.end, self.at)] - self.total[self.at]
+        pushed = self.total[max(self.part.end, self.at)] - self.total[self.at]
         for _, lines in blocks[crossed:]:  # the source's own lines, which stand behind all beads
             if lines:
-                first, last = (self.head.file.motion.before[k] for k in (lines[0] - 1, lines[-1]))
+                first, last = (self.motion.before[k] for k in (lines[0] - 1, lines[-1]))
                 pushed -= float(self.total[last] - self.total[first])
         if pushed > NET_MM:
             self.texts.append(f"{pushed:.4g} mm are pushed on the spot behind the last bead")
@@ -259,14 +234,14 @@ class _Account:
         """Check the stretch before a bead, and the bead."""
         dues = self.dues
         due = self.retracted + float(dues.net[bead.contour])
-        leaves = self.parked >= dues.ways.enough.get(self.head.tool, np.inf)  # retracted
-        from_park = leaves and self.last < 0 and self.at == self.head.begin
+        leaves = self.parked >= dues.ways.enough.get(self.tool, np.inf)  # retracted
+        from_park = leaves and self.last < 0 and self.at == self.part.begin
         if (from_park or self.last == self.at) and self.at <= bead.begin:
             self.between.append((self.at, bead.begin))
         if self.at > bead.begin:  # lines in another order, which is a fault of its own
             self.at = bead.begin
-        pulled = self.head.pulled is None or bead.contour in self.head.pulled
-        deep = self.head.deep_mm if pulled else 0.0
+        pulled = self.idling.pulled is None or bead.contour in self.idling.pulled
+        deep = self.idling.practice.retract_mm if pulled else 0.0
         net = self._stretch(bead.begin, f"bead of contour {bead.contour}", deep)
         due += self._prime(bead, net - due)
         if abs(net - due) > NET_MM:
@@ -285,13 +260,13 @@ class _Account:
 
         From its park, if it is retracted there, and back to it too.
         """
-        if 0 <= self.last <= self.head.end:
-            self.between.append((self.last, self.head.end))
+        if 0 <= self.last <= self.part.end:
+            self.between.append((self.last, self.part.end))
         begin, end = np.array(self.between, np.int64).reshape(-1, 2).T
-        motion, n = self.head.file.motion, len(begin)
-        spans = Spans(begin, end, np.full(n, self.head.tool), np.ones(n, np.bool_))
+        motion, n = self.motion, len(begin)
+        spans = Spans(begin, end, np.full(n, self.tool), np.ones(n, np.bool_))
         theirs, pulled = self.dues.ways, motion.withdrawn
-        already = np.where(begin == self.head.begin, self.parked, 0.0)
+        already = np.where(begin == self.part.begin, self.parked, 0.0)
         ways = Ways.of(
             motion.points, motion.extrusion, pulled, spans, theirs.enough, parted=True,
             already=already,
@@ -301,10 +276,10 @@ class _Account:
 
     def _prime(self, bead: ContourMoves, more: float) -> float:
         """Return what is due to prime a head that has stood idle, mm; `more` is pushed beyond."""
-        prime = 0.0 if self.changed else self.head.prime_mm
-        if self.head.primed is None:  # files tell no times
+        prime = 0.0 if self.changed else self.idling.practice.prime_mm
+        if self.idling.primed is None:  # files tell no times
             return prime if abs(more - prime) <= NET_MM else 0.0
-        return prime if bead.contour in self.head.primed else 0.0
+        return prime if bead.contour in self.idling.primed else 0.0
 
     def _cross(self, number: int, block: Block, lines: Sequence[int], mine: bool) -> None:
         """Check the stretch above a block's lines, and take over what they do."""
@@ -312,7 +287,7 @@ class _Account:
         if own:
             self.most = max(self.most, float(self.dues.beside[number]))
         if lines:
-            motion = self.head.file.motion
+            motion = self.motion
             first, last = (int(motion.before[k]) for k in (lines[0] - 1, lines[-1]))
             if first < self.at:
                 return  # moved, which is a fault of its own
@@ -348,17 +323,17 @@ class _Account:
         """
         begun = self.total[self.at]
         least = min(self.total[self.at : end + 1]) - begun
-        most = max(self.most, self.dues.usual.get(self.head.tool, 0.0), deep_mm)
+        most = max(self.most, self.dues.usual.get(self.tool, 0.0), deep_mm)
         if least < -MORE_MM and (deep := max(self.retracted, 0.0) - least) > most + MORE_MM:
             self.texts.append(
-                f"above line {self._line(end)}, before the {what}, tool {self.head.tool} has "
+                f"above line {self._line(end)}, before the {what}, tool {self.tool} has "
                 f"{deep:.4g} mm retracted, in the source {most:.4g} at most"
             )
         return self.total[end] - begun
 
     def _mine(self, tool: int) -> bool:
-        return not self.dues.shared or tool == self.head.tool
+        return not self.dues.shared or tool == self.tool
 
     def _line(self, move: int) -> int:
-        lines = self.head.file.motion.line
+        lines = self.motion.line
         return int(lines[min(move, len(lines) - 1)]) + 1

@@ -18,7 +18,7 @@ import numpy as np
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob, ProcessSettings
-from decmcts.print.machine import Idle
+from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.arrays import Floats
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
@@ -26,7 +26,8 @@ from sim.content.inventory import FEED_TOLERANCE_MM_S
 from sim.faults import Fault, FaultKind, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.extent import check_filament_feeds
-from sim.files.written import check_line_numbers, moves_of
+from sim.files.written import check_line_numbers
+from sim.heads.changes import behind, belongs_to_bead
 from sim.heads.file import (
     SAME_MM,
     HeadFile,
@@ -38,11 +39,9 @@ from sim.heads.file import (
 )
 from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idling, check_idle
-from sim.heads.ledger import behind, belongs_to_bead
 from sim.heads.order import FileParts, last_points
 from sim.heads.walk import OWED_MM, Walk, Walker
 
-Point = tuple[float, float, float]
 _NUMBER = rb"-?[0-9.]+"
 _SETS_E = re.compile(rb"G92 E%b\Z" % _NUMBER)  # and no other axis
 _UPRIGHT = re.compile(rb"G1 Z%b F[0-9.]+\Z" % _NUMBER)
@@ -62,17 +61,18 @@ class Walked:
 
 
 def walk_file(
-    file: HeadFile, head: int, plan: JointPlan, job: PrintJob, document: GcodeDocument, park: Point,
-    idle: Idle, *, read: bool = False,
+    file: HeadFile, head: int, plan: JointPlan, job: PrintJob, document: GcodeDocument,
+    machine: Machine, *, read: bool = False,
 ) -> Walked:  # fmt: skip
     """Check all that one head's file has by itself; the order between files is checked later."""
     actions, waited = plan.heads[head], last_points(plan, head)
+    own = machine.head(actions.head)
     tool, heat = _tool_of(actions, job), heat_due(document, job)
-    idling = Idling.of(idle, actions, head, job, tool, timed=not read)
+    idling = Idling.of(own.idle, actions, job, tool, timed=not read)
     due = _DueCommands.of(actions, job, document, tool, all_heat=heat.one_hot_end)
     whole, file = file, _without_early_heat(file, due.start)
     words: list[str] = []
-    outline = _outlined(file, job, document, due, park, words)
+    outline = _outlined(file, job, document, due, own.park, words)
     part = outline.part
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
     kept: Settings = frozenset()
@@ -99,13 +99,14 @@ def walk_file(
         words += wrong
         if tool is not None:
             first = walk.first[int(np.flatnonzero(actions.kind == ActionKind.PRINT)[0])]
-            own = {line for line, _ in file.rest[: outline.low]} | taken
-            words += unheated(file.rest, file.others, first, heat, own)
+            verbatim = {line for line, _ in file.rest[: outline.low]} | taken
+            words += unheated(file.rest, file.others, first, heat, verbatim)
     words += _foreign(file, document, outline.body(file), taken | at_standby)
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
-    seen = check_line_numbers(file.numbered) + _check_feeds(file, document)
+    seen = check_line_numbers(file.numbered)
+    seen += check_filament_feeds(file.motion, document.moves, above=1)
     faults += [Fault(fault.kind, where + fault.text) for fault in seen]
     part = replace(part, blocks=tuple(map(tuple, blocks)))
     faults += _check_arcs(file, part, actions, waited, turns_of_print(job, document))
@@ -196,12 +197,6 @@ def _begin_of_end(
     """Return the row at which the source's end code begins, comments of it too."""
     above = min(part.end_code, _below_end(file)) - 1
     return begin_of_verbatim(file.lines.raw, above, document.postamble, due.of_end)
-
-
-def _check_feeds(file: HeadFile, document: GcodeDocument) -> list[Fault]:
-    """Check the feeds of filament alone; those of travels and beads are compared on the walk."""
-    source = moves_of(document)
-    return [] if source is None else check_filament_feeds(file.motion, source, above=1)
 
 
 def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:

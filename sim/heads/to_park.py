@@ -180,7 +180,6 @@ class _Replay:
         yield from self._touched(bare, begin.reshape(-1, 6), contour)
 
     def _goes_on(self, head: Head, begin: Floats, end: Floats) -> Iterator[Fault]:
-        """Yield what is wrong with a move behind the first."""
         lowest = float(min(begin[..., 2].min(), end[..., 2].min()))
         lowest += min([0.0, *(part.low for part in parts_of(head))])
         if lowest >= self._top() - ROUNDED_MM:
@@ -201,7 +200,6 @@ class _Replay:
         return max((float(one.points[:, 2].max()) for one in self._printed()), default=-np.inf)
 
     def _touched(self, head: Head, moves: Floats, but: int) -> Iterator[Fault]:
-        """Yield what a head touches of what is printed, but for one contour."""
         for printed in self._printed(but):
             beads = as_material(beads_there(printed), self.machine, ROUNDED_MM)
             for met in find_contacts(

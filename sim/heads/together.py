@@ -20,35 +20,24 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import USUAL_WORDS, Idle, Machine, Release, SyncWords
+from decmcts.print.machine import Machine, Release, SyncWords
 from decmcts.print.plan import JointPlan
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import check_heads_book
 from sim.files.settings import TravelSettings, settings_of, travelling
-from sim.files.written import moves_of, source_text, travels_of
+from sim.files.written import source_text, travels_of
 from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, read_head_file
-from sim.heads.ledger import Printed, check_filament, dues_of
+from sim.heads.ledger import check_filament
 from sim.heads.one_file import Walked, walk_file
 from sim.heads.order import Intervals, check_order, check_sync
 from sim.heads.sync import Knowledge
 
-Point = tuple[float, float, float]
-
 
 def verify_heads(
-    paths: Sequence[Path | str | HeadFile],
-    plan: JointPlan,
-    job: PrintJob,
-    document: GcodeDocument,
-    *,
-    parks: Sequence[Point],
-    release: Release = "action",
-    interval_s: float = 0.0,
-    words: SyncWords = USUAL_WORDS,
-    idles: Sequence[Idle] | None = None,
-    read: bool = False,
-) -> Verdict:
+    machine: Machine, paths: Sequence[Path | str | HeadFile], plan: JointPlan, job: PrintJob,
+    document: GcodeDocument, *, read: bool = False,
+) -> Verdict:  # fmt: skip
     """Check the files of all heads of a plan, in the plan's order of heads.
 
     Parameters
@@ -57,45 +46,22 @@ def verify_heads(
         Which may be read already.
     job, document
         The source the plan was made from.
-    parks : sequence of points
-        Where each head stands before its first action.
-    release : "point" or "action"
-        Whether the machine's controllers can signal in motion.
-    interval_s : float
-        The least time between two signals of a head, where they signal in motion.
-    words : SyncWords
-        The lines with which the machine's files signal and wait.
-    idles : sequence of Idle | None
-        What each head does where it stands idle; None: as the source.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
     """
     try:
-        files = [one if isinstance(one, HeadFile) else read_head_file(one, words) for one in paths]
+        files = [
+            one if isinstance(one, HeadFile) else read_head_file(one, machine.words)
+            for one in paths
+        ]
     except InputError as error:
         return unreadable(error)
     if faults := check_names(files, plan):
         return Verdict(tuple(faults))
-    walked = []
-    for h, (file, park) in enumerate(zip(files, parks, strict=True)):
-        idle = Idle() if idles is None else idles[h]
-        walked.append(walk_file(file, h, plan, job, document, park, idle, read=read))
-    return judge_together(
-        walked, plan, job, document, release=release, interval_s=interval_s, words=words, read=read
-    )
-
-
-def verify_heads_on(
-    machine: Machine, paths: Sequence[Path | str | HeadFile], plan: JointPlan, job: PrintJob,
-    document: GcodeDocument, *, read: bool = False,
-) -> Verdict:  # fmt: skip
-    """Check the files of all heads of a plan for a machine, as `verify_heads` does."""
-    heads = [machine.head(actions.head) for actions in plan.heads]
-    return verify_heads(
-        paths, plan, job, document, parks=[head.park for head in heads], release=machine.release,
-        interval_s=machine.signal_interval_s, words=machine.words,
-        idles=[head.idle for head in heads], read=read,
-    )  # fmt: skip
+    walked = [
+        walk_file(file, h, plan, job, document, machine, read=read) for h, file in enumerate(files)
+    ]
+    return judge_together(walked, plan, job, document, machine, read=read)
 
 
 def unreadable(error: InputError) -> Verdict:
@@ -104,8 +70,8 @@ def unreadable(error: InputError) -> Verdict:
 
 
 def judge_together(
-    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument, *,
-    release: Release, interval_s: float, words: SyncWords, read: bool = False,
+    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument,
+    machine: Machine, *, read: bool = False,
 ) -> Verdict:  # fmt: skip
     """Check what the files of all heads do together; of each the faults found so far come first."""
     files, parts = [each.file for each in walked], [each.part for each in walked]
@@ -115,16 +81,16 @@ def judge_together(
     faults = [fault for each in walked for fault in each.faults]
     complete = all(walk.complete for walk in walks)
     if complete:
-        faults += _check_filament(walked, plan, job, document)
+        faults += check_filament(walked, job, document)
     source = source_text(document)
     faults += check_heads_book([file.lines.text for file in files], source)
     faults += _check_travels(walked, source, document)
     if document.own_starts and complete:
         laid = [(each.file, each.walk.laid) for each in walked]
         faults += check_hot_ends(laid, source, job, document)
-    known = Knowledge([file.syncs for file in files])
-    faults += check_words(words, release) + check_sync(files, known, release)
-    intervals = Intervals(files, interval_s if release == "point" else 0.0)
+    known, release = Knowledge([file.syncs for file in files]), machine.release
+    faults += check_words(machine.words, release) + check_sync(files, known, release)
+    intervals = Intervals(files, machine.signal_interval_s if release == "point" else 0.0)
     faults += intervals.check()
     if complete and not known.stuck:
         faults += check_order(files, plan, known, parts, walks, intervals, read=read)
@@ -132,38 +98,12 @@ def judge_together(
     return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
 
 
-def _check_filament(
-    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument
-) -> list[Fault]:
-    """Check what all files give against what the source gives, by tool and between beads."""
-    source = moves_of(document)
-    if source is None or not len(job.contours):
-        return []
-    heads = []
-    for each, actions in zip(walked, plan.heads, strict=True):
-        part, laid, idling = each.part, each.walk.laid, each.idling
-        if laid:
-            tool = int(job.contours.tool[laid[0].contour])
-            practice = idling.practice
-            heads.append(
-                Printed(
-                    actions.head, each.file, tool, part.begin, laid, part.blocks, part.end,
-                    practice.prime_mm, idling.primed, practice.retract_mm,
-                    idling.pulled_before(actions),
-                )
-            )  # fmt: skip
-    return check_filament(heads, dues_of(source, job, document), job, document)
-
-
 def _check_travels(walked: Sequence[Walked], source: bytes, document: GcodeDocument) -> list[Fault]:
     """Check that all heads travel under limits under which the source travels.
 
     But for hops within a piece, which stay under those of its beads.
     """
-    moves = moves_of(document)
-    if moves is None:
-        return []
-    travels, texts = TravelSettings.of(settings_of(source), travels_of(moves)), list[str]()
+    travels, texts = TravelSettings.of(settings_of(source), travels_of(document.moves)), list[str]()
     for each in walked:
         motion, file = each.file.motion, each.file
         found = travelling(motion.points, motion.extrusion, motion.placed[motion.line])

@@ -3,9 +3,6 @@
 Between two actions a head may push or pull filament standing still. After a bead it may wipe
 back along it, but not past a point that another head waits for: that one may be there already.
 Every other move must be the plan's.
-
-Moves that lay beads are compared with the source's all at once, behind the walk. Only if some
-differ the file is walked again bead by bead, to say where.
 """
 
 from __future__ import annotations
@@ -30,7 +27,6 @@ from sim.heads.file import (
     HeadFile,
     Settings,
     in_force,
-    pairs_of_states,
     words_of,
 )
 
@@ -107,11 +103,7 @@ class Walker:
         self._kept = kept
         self._moves = _PlainMoves.of(file)
         self._line, self._stays = self._moves.line, self._moves.stays
-        self._trusts = True  # that beads are as they should be: they are looked at later
         self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()
-        self._reversed, self._entry = actions.reversed.tolist(), actions.entry.tolist()
-        self._begin_of = job.contours.offsets.tolist()
-        self._later: list[tuple[int, bool, int]] = []  # contour, reversed, first move: to look at
         self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
@@ -142,14 +134,6 @@ class Walker:
 
     def run(self) -> Walk:
         """Return the walk; it ends at the first move that is not the plan's."""
-        begin = self.at
-        walk = self._run()
-        if self._all_laid():
-            return walk
-        self._trusts, self.at, self.walk = False, begin, Walk()
-        return self._run()
-
-    def _run(self) -> Walk:
         for k in range(len(self.actions)):
             self.walk.first.append(-1)
             self.walk.reached.append([])
@@ -207,39 +191,24 @@ class Walker:
         return min(abs(feed - due) for due in self._feeds) <= FEED_MM_S
 
     def _print(self, k: int) -> str:
-        contour, is_reversed = self._contour[k], self._reversed[k]
-        laid = None if self._trusts and not self._entry[k] else self._laid(k)
+        contour, laid = self._contour[k], laid_by(self.job.contours, self.actions, k)
         if isinstance(laid, str):
-            return laid
-        a, b = self._begin_of[contour], self._begin_of[contour + 1]
-        while self.at < self.end and self._stays[self.at]:
-            if self._is_dot(contour, *(self._first_of(a, b, is_reversed) if laid is None else (
-                *laid.points[:2].tolist(), float(laid.extrusion[0])))):  # fmt: skip
-                break
+            return f"contour {contour} {laid}"
+        while self.at < self.end and self._stays[self.at] and not self._is_dot(contour, laid):
             self._still()
         if problem := self._begins(contour):
             return problem
         reached = self.walk.reached[k]
         reached.append(self._line[self.at - 1])
-        stop = self.at + (b - a - 1 if laid is None else len(laid.extrusion))
+        stop = self.at + len(laid.extrusion)
         self.walk.laid.append(ContourMoves(contour, self.at, stop))
-        if stop <= self.end and (laid is None or self._as_laid(laid, stop)):
-            if laid is None:
-                self._later.append((contour, is_reversed, self.at))
+        if stop <= self.end and self._as_laid(laid, stop):
             reached += self._moves.line[self.at : stop]
             if stop > self.at:
                 self._step(k)
             self.at = stop
             return ""
-        laid = self._laid(k) if laid is None else laid
-        return laid if isinstance(laid, str) else self._print_each(k, laid)
-
-    def _all_laid(self) -> bool:
-        """Tell whether all beads that are to be looked at lay down what they should."""
-        pairs = pairs_of_states(
-            self._later, self.file.motion, self._moves.state, self.job.contours, self.document
-        )
-        return pairs is not None and not any(self._other_state(*pair) for pair in pairs)
+        return self._print_each(k, laid)
 
     def _as_laid(self, laid: Laid, stop: int) -> bool:
         """Tell whether all moves up to `stop` lay down what they should, in one look at each."""
@@ -279,35 +248,21 @@ class Walker:
             reached.append(line)
         return ""
 
-    def _is_dot(
-        self, contour: int, begin: list[float], to: list[float], filament: float
-    ) -> bool:  # fmt: skip
+    def _is_dot(self, contour: int, laid: Laid) -> bool:
         """Tell whether a move of filament alone is what a contour begins with on the spot.
 
         What stands before it pushes back what was retracted.
         """
+        begin, to = laid.points[:2].tolist()
         if not _is_same(begin, to, self.document.decimals[0]):
             return False
         owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
-        return owed <= self._due(contour) + OWED_MM and abs(pushed - filament) <= E_MM
-
-    def _first_of(
-        self, a: int, b: int, is_reversed: bool
-    ) -> tuple[list[float], list[float], float]:
-        """Return the ends of what a contour of points a..b - 1 begins with, and its filament."""
-        contours = self.job.contours
-        first, to, segment = (b - 1, b - 2, b - 1) if is_reversed else (a, a + 1, a + 1)
-        points = contours.points
-        return points[first].tolist(), points[to].tolist(), float(contours.extrusion[segment])
-
-    def _laid(self, k: int) -> Laid | str:
-        """Return what the plan's action lays down, from the source's own contour."""
-        found = laid_by(self.job.contours, self.actions, k)
-        return f"contour {self._contour[k]} {found}" if isinstance(found, str) else found
+        return owed <= self._due(contour) + OWED_MM and bool(
+            abs(pushed - laid.extrusion[0]) <= E_MM
+        )
 
     def _states(self, laid: Laid) -> list[int]:
-        """Return the row of the source's states for each segment."""
         rows: list[int] = self.document.point_state[laid.rows].tolist()
         return rows
 
@@ -351,7 +306,6 @@ class Walker:
         return ""
 
     def _wipes_next(self) -> bool:
-        """Tell whether the next move that changes the position pulls filament."""
         m = self.at
         while m < self.end and self._stays[m]:
             m += 1
@@ -374,7 +328,6 @@ class Walker:
         self.at += 1
 
     def _other_state(self, mine: int, row: int) -> str:
-        """Return in words how a state of the file differs from the source's row."""
         if (mine, row) not in self._alike:
             words = words_of(self._ours(mine), self._theirs(row), self._kept)
             self._alike[mine, row] = ", ".join(words)
@@ -400,7 +353,6 @@ def _is_same(one: list[float], other: list[float], decimals: int) -> bool:
 
 
 def _distance(point: Floats, path: Floats) -> float:
-    """Return how far a point is from a polyline."""
     a, way = path[:-1], np.diff(path, axis=0)
     square = np.maximum((way**2).sum(axis=1), 1e-18)
     t = np.clip(((point - a) * way).sum(axis=1) / square, 0.0, 1.0)

@@ -12,7 +12,7 @@ from decmcts.formats.files.names import in_one_line
 from decmcts.print.figures import change, clock_time, shown
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats
+from sim.arrays import Floats
 from sim.pictures.canvas import head_colour
 
 BEFORE, AFTER, MOVES = "#d62728", "#1f77b4", "#1a1a1a"
@@ -113,16 +113,16 @@ def activity(actions: HeadActions, makespan_s: float) -> tuple[Floats, Floats]:
     travelling = ~printing & (actions.kind != ActionKind.WAIT)
     width = np.maximum(np.diff(edges), 1e-12)
     columns = [
-        np.diff(_time_spent(actions, rows, edges)) / width for rows in (printing, travelling)
+        np.diff(time_spent(actions.begin_s[rows], actions.end_s[rows], edges)) / width
+        for rows in (printing, travelling)
     ]
     return edges, np.clip(np.stack(columns, axis=1), 0.0, 1.0)
 
 
-def _time_spent(actions: HeadActions, rows: Flags, at: Floats) -> Floats:
-    """Return the seconds spent in the chosen actions up to each time."""
-    if not rows.any():
+def time_spent(begin: Floats, end: Floats, at: Floats) -> Floats:
+    """Return the seconds that intervals, in their order, cover up to each time."""
+    if not len(begin):
         return np.zeros(len(at))
-    begin, end = actions.begin_s[rows], actions.end_s[rows]
     done = np.cumsum(end - begin)
     times = np.stack([begin, end], axis=1).ravel()
     spent = np.stack([done - (end - begin), done], axis=1).ravel()

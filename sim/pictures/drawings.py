@@ -116,7 +116,6 @@ def _extent(before: PlanDocument, after: PlanDocument) -> Floats:
 
 
 def _view_axis(figure: Figure, sheet: Sheet, column: int) -> Any:
-    """Return axes for a view from above, in mm."""
     axis = figure.add_axes(sheet.views[column])
     axis.set_xlim(*sheet.extent[:, 0].tolist())
     axis.set_ylim(*sheet.extent[:, 1].tolist())
@@ -147,7 +146,6 @@ def _counted(view: LayerView) -> str:
 
 
 def _draw_heads(figure: Figure, sheet: Sheet, after: PlanDocument) -> None:
-    """Draw what each head does over time."""
     axis = figure.add_axes(sheet.times)
     draw_times(axis, after)
     axis.set_title("what each head does", fontsize=9.5, loc="left")

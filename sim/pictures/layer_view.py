@@ -1,8 +1,7 @@
 """One layer from above: its beads as a calm ground, and the travels that lead to it.
 
-Of a cut print its pieces, and where the cuts are. Contours that go nowhere across the bed are
-points, seen from above, so they are drawn by their width: a dot as a disc, a vertical bead as a
-ring around a point.
+Of a cut print its pieces, and where the cuts are. A dot or a vertical bead goes nowhere across the
+bed: it is a disc as wide as it is.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -28,6 +27,7 @@ GROUND, SHADOW, KEPT = "#d4d4d4", "#f3f3f3", "#555555"
 DASHES = (0, (4, 2))
 SHADES = (0.0, 0.35, 0.6)  # shares of white, in turn from piece to piece as a head prints them
 MARK = "#111111"
+STUB_MM = 1e-3
 FULL = 300  # travels drawn with full strength; more are drawn thinner
 
 
@@ -93,7 +93,6 @@ def _draw_beads(axis: Any, view: LayerView, inch_a_mm: float) -> None:
         colour = lighter(head_colour(k, len(heads))) if len(heads) > 1 else GROUND
         beads = _lines_of(actions, contours, mine, inch_a_mm)
         axis.add_collection(LineCollection(colors=colour, capstyle="round", **beads))
-        draw_from_above(axis, round_beads_of(actions, contours).of(mine), colour)
 
 
 def draw_pieces(axis: Any, document: PlanDocument, layer: int, *, inch_a_mm: float) -> None:
@@ -117,7 +116,6 @@ def cut_handle() -> Any:
 
 
 def _printed_in(actions: HeadActions, contours: Contours, layer: int) -> Ints:
-    """Return the actions that print in a layer."""
     printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
     return np.asarray(printed[contours.layer[actions.contour[printed]] == layer])
 
@@ -128,71 +126,18 @@ def _lines_of(
     """Return lines as wide as the beads of some actions, for a collection of them."""
     widths = contours.width[actions.contour[rows]] * inch_a_mm * 72.0
     return {
-        "segments": [actions.action_path(int(a))[:, :2] for a in rows],
+        "segments": [_from_above(actions.action_path(int(a))) for a in rows],
         "linewidths": list(np.maximum(widths, 0.4)),
         "joinstyle": "round", "rasterized": True, "zorder": 2,
     }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class RoundBeads:
-    """Dots and vertical beads that a head prints."""
-
-    action: Ints  # (k,)
-    centre: Floats  # (k, 2) mm
-    low: Floats  # (k,) lowest z of the nozzle, mm
-    high: Floats  # (k,) highest
-    width: Floats  # (k,) mm
-    height: Floats  # (k,) of the bead, mm
-
-    def of(self, actions: Ints) -> RoundBeads:
-        """Return those of some actions."""
-        kept = np.isin(self.action, actions)
-        return RoundBeads(*(getattr(self, name)[kept] for name in self.__slots__))
-
-    @property
-    def is_dot(self) -> Flags:
-        """Tell which are dots, (k,)."""
-        return np.asarray(self.high - self.low <= 0.0)
-
-
-def round_beads_of(actions: HeadActions, contours: Contours) -> RoundBeads:
-    """Return the dots and vertical beads of a head; linear in its points."""
-    printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    first = actions.path_offsets[printed]
-    none = len(printed) == 0
-    ends = np.stack([first, actions.path_offsets[printed + 1]], axis=1).ravel()
-    padded = np.vstack([actions.path, np.zeros((1, 3))])
-    low = np.zeros((0, 3)) if none else np.minimum.reduceat(padded, ends)[::2]
-    high = np.zeros((0, 3)) if none else np.maximum.reduceat(padded, ends)[::2]
-    kept = (low[:, :2] == high[:, :2]).all(axis=1)
-    contour = actions.contour[printed[kept]]
-    return RoundBeads(
-        printed[kept], low[kept, :2], low[kept, 2], high[kept, 2], contours.width[contour],
-        contours.height[contour],
-    )  # fmt: skip
-
-
-def draw_from_above(axis: Any, beads: RoundBeads, colour: str) -> None:
-    """Draw discs for dots, and rings around a point for vertical beads."""
-    for size, rows, filled in (
-        (1.0, beads.is_dot, True), (1.0, ~beads.is_dot, False), (0.3, ~beads.is_dot, True),
-    ):  # fmt: skip
-        width = size * beads.width[rows]
-        axis.add_collection(
-            EllipseCollection(
-                width,
-                width,
-                np.zeros(len(width)),
-                units="xy",
-                offsets=beads.centre[rows],
-                transOffset=axis.transData,
-                facecolors=colour if filled else "none",
-                edgecolors="none" if filled else colour,
-                linewidths=1.0,
-                alpha=0.8,
-            )
-        )
+def _from_above(path: Floats) -> Floats:
+    """Return a path across the bed, (n, 2) mm; of one that goes nowhere a stub, which is drawn."""
+    path = path[:, :2]
+    if np.ptp(path, axis=0).any():
+        return path
+    return np.array([path[0], path[0] + STUB_MM])  # aslant: others are snapped to one pixel
 
 
 def lighter(colour: str, share: float = 0.62) -> str:

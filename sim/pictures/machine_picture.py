@@ -72,7 +72,6 @@ def _shapes(machine: Machine) -> list[list[int]]:
 
 
 def _alike(head: Head, other: Head) -> bool:
-    """Tell whether two heads have the same shape."""
     one, two = (
         [(s.height_mm, [np.asarray(p).tolist() for p in s.polygons]) for s in h.slices]
         for h in (head, other)

@@ -8,7 +8,7 @@ With all tips at one height, on the bed's middle line along one axis. Nothing is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from matplotlib.patches import Polygon, Rectangle
 from decmcts.print.machine import Head, Machine
 from sim.arrays import Floats
 from sim.pictures.canvas import head_colour
-from sim.replay.heads_near import Shapes, outermost, shapes_of
+from sim.replay.heads_near import outermost
 from sim.replay.shapes import Part, parts_of, separations_between
 
 AROUND_MM = 70.0  # around the outermost nozzles; what is further off is cut at the frame
@@ -119,7 +119,8 @@ def write_row(axis: Any, machine: Machine, row: HeadsInRow) -> None:
               transform=axis.transAxes)  # fmt: skip
 
 
-HALVINGS = 60  # of an interval of metres: far below what floats can tell
+FAR_MM = 1e4  # no head is as large
+ROUND = 512  # chords in a quarter of a circle: a micrometre off at most
 
 Point = Floats  # (2,)
 
@@ -144,7 +145,8 @@ def row_of(machine: Machine, axis: int) -> HeadsInRow | None:
     parts = [outermost(parts_of(machine.heads[h])) for h in order]
     at, by_rail = [0.0], []
     for k in range(1, len(order)):
-        need = max(at[j] + _least(machine, parts, j, k, axis) for j in range(k))
+        clearance_mm = machine.head_clearance_mm
+        need = max(at[j] + _least(parts[j], parts[k], axis, clearance_mm) for j in range(k))
         railed = max(at[i] + _on_rail(machine, order[i], order[k]) for i in range(k))
         at.append(max(need, railed))
         by_rail.append(railed > need)
@@ -153,8 +155,10 @@ def row_of(machine: Machine, axis: int) -> HeadsInRow | None:
         return None
     nozzles = np.tile(np.add(machine.bed_min, machine.bed_max) / 2.0, (len(order), 1))
     nozzles[:, axis] += np.array(at) - at[-1] / 2.0
-    pairs = [shapes_of(parts[k], parts[k + 1]) for k in range(len(order) - 1)]
-    found = [gap_between(pair, nozzles[k], nozzles[k + 1]) for k, pair in enumerate(pairs)]
+    found = [
+        _gap_between(*pair, *ends)
+        for pair, ends in zip(pairwise(parts), pairwise(nozzles), strict=True)
+    ]
     gaps, ends = tuple(gap for gap, _ in found), tuple(end for _, end in found)
     return HeadsInRow(axis, tuple(order), nozzles, gaps, ends, tuple(by_rail))
 
@@ -176,53 +180,33 @@ def _on_rail(machine: Machine, h: int, g: int) -> float:
     return max((side * least for _, side, least in rails), default=-np.inf)
 
 
-def _least(machine: Machine, parts: list[list[Part]], j: int, k: int, axis: int) -> float:
-    """Return the least distance along the axis at which two heads keep their clearance."""
-    shapes = shapes_of(parts[j], parts[k])
-    unit = np.eye(2)[axis]
-    return max((_end_of(shapes, pair, unit, machine.head_clearance_mm)
-                for pair in range(len(shapes.parts))), default=0.0)  # fmt: skip
+def _least(ours: list[Part], theirs: list[Part], axis: int, clearance_mm: float) -> float:
+    """Return from where on along the axis two heads keep a clearance, wherever they are before."""
+    ways, least = np.eye(2)[axis] * [[-FAR_MM], [FAR_MM]], 0.0
+    for a, b in product(ours, theirs):
+        level = np.sqrt(max(0.0, clearance_mm**2 - _above(a, b) ** 2))
+        apart = (a.polygon[:, None] - b.polygon[None]).reshape(-1, 2)  # too near within it
+        near = shapely.MultiPoint(apart).convex_hull.buffer(level, quad_segs=ROUND)
+        met = near.intersection(shapely.LineString(ways))
+        if not met.is_empty:
+            least = max(least, met.bounds[2 + axis])
+    return least
 
 
-def _end_of(shapes: Shapes, pair: int, unit: Point, clearance_mm: float) -> float:
-    """Return from where on along `unit` two parts keep a clearance, wherever they are before.
-
-    The distance to a convex polygon is convex along a line, so they are too near on an interval.
-    """
-    level = np.sqrt(max(0.0, clearance_mm**2 - _above(shapes, pair) ** 2))
-    hull = shapely.Polygon(_hull(shapes, pair))
-    far = float(np.abs(_hull(shapes, pair)).max()) * 2.0 + clearance_mm + 1.0
-    line = shapely.LineString([-far * unit, far * unit])
-    if hull.distance(line) >= level:
-        return 0.0
-    nearest = np.array(shapely.shortest_line(line, hull).coords[0])
-    inside, outside = float(-nearest @ unit), far
-    for _ in range(HALVINGS):
-        middle = (inside + outside) / 2.0
-        if hull.distance(shapely.Point(-middle * unit)) < level:
-            inside = middle
-        else:
-            outside = middle
-    return max(0.0, outside)
-
-
-def _hull(shapes: Shapes, pair: int) -> Floats:
-    return shapes.xy[shapes.offsets[pair] : shapes.offsets[pair + 1]]
-
-
-def _above(shapes: Shapes, pair: int) -> float:
+def _above(a: Part, b: Part) -> float:
     """Return how far one part is above the other, with both tips at one height."""
-    low, high = shapes.boxes[pair, [2, 5]]
-    return max(0.0, float(low), float(-high))
+    return max(0.0, a.low - b.high, b.low - a.high)
 
 
-def gap_between(shapes: Shapes, at: Point, to: Point) -> tuple[float, tuple[Point, Point]]:
+def _gap_between(
+    ours: list[Part], theirs: list[Part], at: Point, to: Point
+) -> tuple[float, tuple[Point, Point]]:
     """Return the least distance of two heads that stand still, and its ends from above."""
     best: tuple[float, tuple[Point, Point]] = (np.inf, (at, to))
-    for pair, (a, b) in enumerate(shapes.parts):
-        one, other = (shapely.Polygon(part.polygon + p) for part, p in ((a, at), (b, to)))
+    for a, b in product(ours, theirs):
+        one, other = shapely.Polygon(a.polygon + at), shapely.Polygon(b.polygon + to)
         line = shapely.shortest_line(one, other)
-        gap = float(np.hypot(line.length, _above(shapes, pair)))
+        gap = float(np.hypot(line.length, _above(a, b)))
         if gap < best[0] - 1e-9:
             ends = np.array(line.coords)
             best = gap, (ends[0], ends[1])

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from sim.controllers.program import StopKind
 from sim.controllers.simulate import Simulation
 from sim.pictures.canvas import head_colour, save, words_as_they_are
+from sim.pictures.charts import time_spent
 
 WAITS, TRAVELS, STANDS = "#d62728", "#bbbbbb", "#444444"
 SLOTS = 1200  # spans of time of which each shows what a head does most
@@ -70,25 +71,15 @@ def _draw_head(axis: Any, simulation: Simulation, h: int, minutes: float) -> Non
         (run.reached[waits], run.left[waits], WAITS),
         (run.reached[stands], run.left[stands], STANDS),
     ]
-    busy = np.array([_busy(begin - zero, end - zero, edges) for begin, end, _ in spans])
-    most = np.where(busy.max(axis=0) > 0.0, busy.argmax(axis=0), -1)
+    busy = []
+    for begin, end, _ in spans:
+        known = np.isfinite(begin) & np.isfinite(end)
+        busy.append(np.diff(time_spent(begin[known] - zero, end[known] - zero, edges)))
+    most = np.where(np.max(busy, axis=0) > 0.0, np.argmax(busy, axis=0), -1)
     for k, (_, _, colour) in enumerate(spans):
         slots = np.flatnonzero(most == k)
         bars = [(edges[s] / 60.0, (edges[1] - edges[0]) / 60.0) for s in slots.tolist()]
         axis.broken_barh(bars, (h - 0.35, 0.7), color=colour, linewidth=0)
-
-
-def _busy(begin: Any, end: Any, edges: Any) -> Any:
-    """Return the seconds of each span of time that intervals in order cover, (slots,)."""
-    there = np.isfinite(end) & np.isfinite(begin)
-    begin, end = begin[there], end[there]
-    if not len(begin):
-        return np.zeros(len(edges) - 1)
-    done = np.concatenate([[0.0], np.cumsum(end - begin)])
-    k = np.searchsorted(begin, edges, side="right")
-    started = np.maximum(k - 1, 0)
-    part = np.clip(edges - begin[started], 0.0, (end - begin)[started])
-    return np.diff(np.where(k > 0, done[started] + part, 0.0))
 
 
 def _draw_gaps(axis: Any, simulation: Simulation, names: list[str], minutes: float) -> None:

@@ -47,14 +47,12 @@ def check_fenced(document: PlanDocument) -> list[Fault]:
 
 
 def _moves(head: Head, actions: HeadActions | None) -> Floats:
-    """Return the moves of a head, (m, 6)."""
     if actions is None or not len(actions):
         return np.array([[*head.park, *head.park]], np.float64)
     return moves_of(actions, head.park)[0]
 
 
 def _pieces(stands: Stands) -> Floats:
-    """Return the pieces of the line on which a fenced head stands, (m, 6)."""
     line = line_of(stands)
     return np.hstack([line[:-1], line[1:]] if len(line) > 1 else [line, line])
 
@@ -113,7 +111,6 @@ def _boxes(head: Head) -> list[Floats]:
 
 
 def _printed_into(document: PlanDocument, gone: Head, line: Floats) -> Sequence[str]:
-    """Say what is printed where a fenced head stands, or may stand."""
     if not any(ActionKind.PRINT in actions.kind for actions in document.plan.heads):
         return []
     beads = as_material(beads_there(document.contours), document.machine, TOLERANCE_MM)

@@ -196,7 +196,6 @@ def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iter
 
 
 def _seconds(actions: HeadActions, arrivals: Floats) -> Floats:
-    """Return how long each action takes."""
     own = arrivals[actions.path_offsets[1:] - 1]
     stated = actions.end_s - actions.begin_s
     travel = (actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK)

@@ -25,7 +25,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules, PlanDocument
 from sim.arrays import Floats, Ints
 from sim.content.paths import Legs
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 from sim.rules.order import PartialOrder, early
 from sim.rules.precedence import (
     check_epochs,
@@ -201,8 +201,6 @@ def _bounds(contours: Contours, i: int) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _Points:
-    """Contours as points."""
-
     tree: cKDTree
     owner: Ints
     known: dict[int, int] = field(default_factory=dict)  # what `last_near` found
@@ -297,7 +295,6 @@ def _brims(contours: Contours) -> Iterator[tuple[Ints, Ints]]:
 
 def _faults(rows: Ints) -> list[Fault]:
     lines = [
-        f"contour {c} may begin before what primes the nozzle in the source"
-        for c in rows[:LIMIT].tolist()
+        f"contour {c} may begin before what primes the nozzle in the source" for c in rows.tolist()
     ]
-    return listed(FaultKind.PRIMING, lines, total=len(rows))
+    return listed(FaultKind.PRIMING, lines)

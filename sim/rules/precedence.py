@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules
 from sim.arrays import Flags, Ints
-from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.faults import Fault, FaultKind, listed
 from sim.rules.order import PartialOrder, early
 
 TOUCH_MM = 0.05  # beads nearer than this touch,
@@ -76,14 +76,13 @@ def check_precedence(pairs: NDArray[np.int32], prints: Prints) -> list[Fault]:
     """J2: for each pair (a, b) the action of a precedes the action of b, whatever the timing."""
     both = pairs.reshape(-1, 2).astype(np.int64)
     broken = both[~prints.kept(both[:, 0], both[:, 1])]
-    lines = [f"contour {x} must end before contour {y} begins" for x, y in broken[:LIMIT].tolist()]
-    return listed(FaultKind.PRECEDENCE, lines, total=len(broken))
+    lines = [f"contour {x} must end before contour {y} begins" for x, y in broken.tolist()]
+    return listed(FaultKind.PRECEDENCE, lines)
 
 
 def check_touching(contours: Contours, prints: Prints, rules: OrderRules) -> list[Fault]:
     """Check that what touches on a layer keeps the source's order as its roles demand."""
     lines: list[str] = []
-    total = 0
     if len(contours) and (rules.quality or rules.process_order == "keep"):
         shapes = _lines_of(contours)
         for a, b in _near(contours, shapes, rules):
@@ -91,9 +90,8 @@ def check_touching(contours: Contours, prints: Prints, rules: OrderRules) -> lis
             a, b = a[wrong], b[wrong]
             reach = (contours.width[a] + contours.width[b]) / 2 + TOUCH_MM - ROUNDING_MM
             met = shapely.dwithin(shapes[a], shapes[b], reach)
-            total += int(met.sum())
             lines += [_broken(contours, x, y) for x, y in zip(a[met], b[met], strict=True)]
-    return listed(FaultKind.PRECEDENCE, lines, total=total)
+    return listed(FaultKind.PRECEDENCE, lines)
 
 
 def _broken(contours: Contours, a: int, b: int) -> str:
@@ -156,9 +154,9 @@ def check_epochs(
     )
     lines = [
         f"contour {c} of epoch {contours.epoch[c]} may begin before an earlier epoch has ended"
-        for c in rows[:LIMIT].tolist()
+        for c in rows.tolist()
     ]
-    return listed(FaultKind.PRECEDENCE, lines, total=len(rows))
+    return listed(FaultKind.PRECEDENCE, lines)
 
 
 def _last_before(contours: Contours, actions: HeadActions) -> Ints:
@@ -184,9 +182,9 @@ def check_file_epochs(line: Ints, match: Ints, source_epoch: Ints) -> list[Fault
     back = known[np.maximum.accumulate(epoch) > epoch] if len(epoch) else known
     lines = [
         f"line {line[i]} prints what the source prints before a barrier already passed"
-        for i in back[:LIMIT].tolist()
+        for i in back.tolist()
     ]
-    return listed(FaultKind.PRECEDENCE, lines, total=len(back))
+    return listed(FaultKind.PRECEDENCE, lines)
 
 
 def check_lead(
@@ -212,9 +210,9 @@ def check_lead(
     lines = [
         f"contour {c} of layer {contours.layer[c]} may begin before all that is more than "
         f"{ahead} layers below it has ended"
-        for c in rows[:LIMIT].tolist()
+        for c in rows.tolist()
     ]
-    return listed(FaultKind.PRECEDENCE, lines, total=len(rows))
+    return listed(FaultKind.PRECEDENCE, lines)
 
 
 def _last_of_runs(run: Ints, climb: Ints, actions: HeadActions) -> Ints:

@@ -20,6 +20,7 @@ from sim.faults import FaultKind
 from sim.heads.file import read_head_file
 from sim.heads.plan import plan_of_files
 from sim.heads.together import verify_heads
+from tests.makers.parked import parked
 from tests.mutants.catalogue import Mutant, NotHereError
 from tests.mutants.heads import HEAD_MUTANTS
 from tests.sim.heads.test_together import LAYERS, PARKS, Made, cut, moved, signals
@@ -290,7 +291,7 @@ def test_a_wait_for_what_is_known_already_is_no_fault_without_the_plan(tmp_path:
     read = [len(actions.after_head) for actions in document.plan.heads]
     assert faults == [] and read[0] < len(made.plan.heads[0].after_head)
     verdict = verify_heads(
-        made.paths, document.plan, made.job, made.document, parks=PARKS, read=True
+        parked(made.plan, PARKS), made.paths, document.plan, made.job, made.document, read=True
     )
     assert verdict.faults == ()
 

@@ -170,8 +170,8 @@ class GcodeDocument:
     habits: Habits
     point_arc: NDArray[np.int32]  # (n_points,) arc of the segment ending there, or NO_ARC
     arcs: Arcs
-    plate: int | None = None  # of a .gcode.3mf, as asked for
-    moves: Motions | None = None  # of the whole file, for the judge
+    plate: int | None  # of a .gcode.3mf, as asked for
+    moves: Motions  # of the whole file, for the judge
     text: bytes | None = None  # that was read in place of the file's own; None: none was
     own_starts: tuple[OwnStart, ...] = ()  # where changes of tools are no walls, of each tool but
     # the first

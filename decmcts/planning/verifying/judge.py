@@ -34,7 +34,7 @@ from sim.files.written import check_line_numbers, read_without_tower, verify_sam
 from sim.heads.changes import as_planned, without_changes
 from sim.heads.file import HeadFile, header_of, is_cut, read_head_file
 from sim.heads.plan import plan_of_files
-from sim.heads.together import verify_heads_on
+from sim.heads.together import verify_heads
 from sim.rules.cooling import check_stated
 from sim.rules.order_rules import usual_rules
 from sim.verify import verify_plan
@@ -215,7 +215,7 @@ def judge_heads(paths: Sequence[Path], source: Source, plan: PlanDocument) -> Ve
     job, document = parted.job, parted.text(document)
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
-    verdict = verify_heads_on(plan.machine, files, plan.plan, job, document)
+    verdict = verify_heads(plan.machine, files, plan.plan, job, document)
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
 
@@ -279,7 +279,7 @@ def _judge_alone(
     # Its times are made up. How near signals are is judged by the files' own lines, below.
     made_up = replace(plan, machine=replace(plan.machine, signal_interval_s=0.0))
     verdict = verify_plan(made_up, source=job, rules=rules, trials=asked.trials, seed=asked.seed)
-    more = verify_heads_on(machine, files, plan.plan, job, document, read=True)
+    more = verify_heads(machine, files, plan.plan, job, document, read=True)
     every = (*altered, *verdict.faults, *more.faults)
     checked = (*verdict.checked[:1], WITHOUT_PLAN)
     counts = {**verdict.counts, **more.counts}

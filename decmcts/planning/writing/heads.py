@@ -26,7 +26,7 @@ from sim.faults import Verdict
 from sim.heads.file import read_head_file
 from sim.heads.one_file import Walked, walk_file
 from sim.heads.plan import plan_of_files
-from sim.heads.together import judge_together, unreadable, verify_heads_on
+from sim.heads.together import judge_together, unreadable, verify_heads
 
 
 def stem_of(output: Path) -> Path:
@@ -135,7 +135,6 @@ def _draft(
     judged: tuple[PrintJob, GcodeDocument], write: HeadWriter, report: Report,
 ) -> Walked:  # fmt: skip
     """Write the draft of one head's file, read it back and walk it along the plan."""
-    own = machine.head(plan.heads[head].head)
     report(Step(f"writing {path.name}"))
     write(document, job, plan, head, path, machine=machine, header_lines=header, points=points)
     report(Step(f"reading {path.name} back"))
@@ -145,7 +144,7 @@ def _draft(
         require_sound(unreadable(error), path)
         raise  # not reached
     report(Step(f"walking the file of head {plan.heads[head].head} along the plan"))
-    return walk_file(file, head, plan, *judged, own.park, own.idle)
+    return walk_file(file, head, plan, *judged, machine)
 
 
 def judged_texts(
@@ -161,10 +160,7 @@ def judged_texts(
     """
     problem, machine = planned.problem, planned.problem.machine
     report(Step("what the files' sync points order"))
-    verdict = judge_together(
-        walked, planned.after.plan, *judged, release=machine.release,
-        interval_s=machine.signal_interval_s, words=machine.words,
-    )  # fmt: skip
+    verdict = judge_together(walked, planned.after.plan, *judged, machine)
     require_sound(verdict, stem)
     if (given := problem.source.original) is not None:
         report(Step("judging the files by what was given"))
@@ -178,5 +174,5 @@ def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdic
     plan, altered = plan_of_files(files, given.job, machine)
     if is_other_print(altered):
         return Verdict(tuple(altered))
-    verdict = verify_heads_on(machine, drafts, plan.plan, given.job, given.document, read=True)
+    verdict = verify_heads(machine, drafts, plan.plan, given.job, given.document, read=True)
     return Verdict((*altered, *verdict.faults))

@@ -131,7 +131,6 @@ def _shared(tree: Any, owner: Ints, begin: Floats, end: Floats) -> int:
 
 
 def _row(actions: HeadActions, blobs: Blobs) -> dict[str, Any]:
-    """Return when a head did what."""
     begin, end = np.rint(actions.begin_s / STEP_S), np.rint(actions.end_s / STEP_S)
     return {
         "name": actions.head, "n": len(actions), "kind": blobs.add(actions.kind),

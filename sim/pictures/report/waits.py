@@ -86,7 +86,6 @@ def free_before(actions: HeadActions) -> Floats:
 def _explained(
     heads: tuple[HeadActions, ...], head: int, k: int, begin: float, rules: DependencyGraph
 ) -> Wait:
-    """Return the wait before action k of a head, which began at `begin`."""
     actions = heads[head]
     end = float(actions.begin_s[k])
     last = last_released(heads, head, k, by_s=begin)
@@ -132,7 +131,6 @@ def _next_contour(actions: HeadActions, k: int) -> int:
 
 
 def _rule(other: HeadActions, action: int, target: int, rules: DependencyGraph) -> str:
-    """Return why a contour has to wait for the action of another head."""
     if other.kind[action] != ActionKind.PRINT or target < 0:
         return "space"
     return chain_cause(rules, int(other.contour[action]), target) or "space"

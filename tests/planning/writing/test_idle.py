@@ -97,10 +97,6 @@ def heated_between(rows: list[str]) -> None:
     rows.insert(rows.index(f"M104 S150 {IDLE_MARK}") + 1, "M104 S240")
 
 
-def dwells_above(rows: list[str]) -> None:
-    rows.insert(rows.index(f"M104 S150 {IDLE_MARK}") - 1, f"G4 P600000 {IDLE_MARK}")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("heat", ["M109 R215", "M109 S 215"])
 def test_a_source_may_state_its_heat_in_other_words(
@@ -144,7 +140,6 @@ def test_a_machine_says_what_its_heads_do_where_they_stand_idle(
         pulled_further,
         stays_cold,
         heated_between,
-        dwells_above,
     ):
         spoilt(path, spoil)
         assert Path(path).read_text() != sound, spoil

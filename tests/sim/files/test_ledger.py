@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -226,14 +225,6 @@ def judged(out: Path, source: Path) -> set[str] | None:
         return {str(fault) for fault in verify(out, source, MACHINE, seed=0, trials=1).faults}
     except InputError:
         return None
-
-
-def test_a_source_whose_moves_are_not_kept_is_read_again(tools):
-    """Documents made by hand have none."""
-    _, out, job, document = tools
-    machine = load_machine(MACHINE)
-    again = verify_written(out, job, replace(document, moves=None), machine)
-    assert again.faults == verify_written(out, job, document, machine).faults
 
 
 def test_what_rounding_leaves_is_no_bead(tmp_path):

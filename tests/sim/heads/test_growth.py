@@ -61,7 +61,7 @@ def test_each_edge_wait_and_move_is_looked_at_once(tmp_path: Path) -> None:
         paths, plan, job, document = files_of(count, tmp_path)
 
         def judge() -> None:
-            assert verify_heads(paths, plan, job, document, parks=PARKS).ok
+            assert verify_heads(parked(plan, PARKS), paths, plan, job, document).ok
 
         return bytecodes(judge, within=("sim.", "decmcts."))
 
@@ -75,7 +75,7 @@ def test_the_last_of_many_dwells_and_waits_still_counts(tmp_path: Path, spoil: s
     text = paths[1].read_text()
     at = text.rindex(spoil)
     paths[1].write_text(text[:at] + text[text.index("\n", at + 5) + 1 :])
-    assert not verify_heads(paths, plan, job, document, parks=PARKS).ok
+    assert not verify_heads(parked(plan, PARKS), paths, plan, job, document).ok
 
 
 def test_dwells_between_lines_are_those_strictly_between(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
 from sim.heads.heat import Due, Heat, heat_of, heats_early, unheated
@@ -10,13 +12,13 @@ from sim.heads.heat import Due, Heat, heat_of, heats_early, unheated
 @pytest.mark.parametrize(
     ("code", "heat"),
     [
-        (b"M104 S210", Heat(False, True, None)),
-        (b"m109 R180 T1", Heat(True, True, 1)),
-        (b"M104 T0 S0", Heat(False, False, 0)),
-        (b"M109", Heat(True, True, None)),
-        (b"M104 S{temperature}", Heat(False, True, None)),
-        (b"M104 S", Heat(False, True, None)),
-        (b"M109S.0T1", Heat(True, False, None)),
+        (b"M104 S210", Heat(False, 210.0, None)),
+        (b"m109 R180 T1", Heat(True, 180.0, 1)),
+        (b"M104 T0 S0", Heat(False, 0.0, 0)),
+        (b"M109", Heat(True, inf, None)),
+        (b"M104 S{temperature}", Heat(False, inf, None)),
+        (b"M104 S", Heat(False, inf, None)),
+        (b"M109S.0T1", Heat(True, 0.0, 1)),
         (b"M140 S60", None),
         (b"M1040 S60", None),
     ],

@@ -76,7 +76,9 @@ class Made:
             )  # fmt: skip
 
     def judged(self):
-        return verify_heads(self.paths, self.plan, self.job, self.document, parks=PARKS)
+        return verify_heads(
+            parked(self.plan, PARKS), self.paths, self.plan, self.job, self.document
+        )
 
     def edit(self, head: int, old: str, new: str, number: int = 1) -> None:
         """Change the line of a file that fits for the `number`th time below its set-up."""

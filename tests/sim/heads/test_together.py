@@ -13,7 +13,7 @@ import pytest
 from decmcts.formats.gcode import read_gcode, write_head_gcode
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.writing.own_lines import own_lines
-from decmcts.print.machine import USUAL_WORDS, Release, SyncWords
+from decmcts.print.machine import USUAL_WORDS, Machine, Release, SyncWords
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
@@ -93,17 +93,18 @@ class Made:
         self.plan = change(plain)
         self.paths = [folder / f"out_{actions.head}.gcode" for actions in self.plan.heads]
         for k, path in enumerate(self.paths):
-            machine = parked(
-                self.plan, PARKS, release=release, signal_interval_s=interval_s, words=words
-            )
             write_head_gcode(
-                self.document, self.job, self.plan, k, path, machine=machine, header_lines=["made"]
-            )
+                self.document, self.job, self.plan, k, path, machine=self.machine(),
+                header_lines=["made"],
+            )  # fmt: skip
 
     def judged(self):
-        return verify_heads(
-            self.paths, self.plan, self.job, self.document, parks=PARKS, release=self.release,
-            interval_s=self.interval_s, words=self.words,
+        return verify_heads(self.machine(), self.paths, self.plan, self.job, self.document)
+
+    def machine(self) -> Machine:
+        return parked(
+            self.plan, PARKS, release=self.release, signal_interval_s=self.interval_s,
+            words=self.words,
         )  # fmt: skip
 
 

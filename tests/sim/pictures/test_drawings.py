@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -19,7 +19,7 @@ from sim.pictures.canvas import TRAVEL
 from sim.pictures.charts import EXACT, activity, title_lines
 from sim.pictures.drawings import draw_plan, sheet_of
 from sim.pictures.layer_travels import layers_of, travels_of
-from sim.pictures.layer_view import LayerView, changed_colour, draw_layer, round_beads_of
+from sim.pictures.layer_view import LayerView, changed_colour, draw_layer
 from sim.pictures.machine_picture import draw_machine
 
 RED = np.array([214, 39, 40]) / 255
@@ -181,24 +181,12 @@ def with_round(make):
     return replace(document, plan=JointPlan((replace(actions, path=path),))), prints, contours
 
 
-def test_dots_and_vertical_beads_have_their_width(make):
-    """Their paths are points seen from above: nothing of them was drawn."""
-    document, prints, contours = with_round(make)
-    (actions,) = document.plan.heads
-    beads = round_beads_of(actions, contours)
-    assert beads.action.tolist() == prints.tolist()
-    assert beads.is_dot.tolist() == [True, False]
-    assert (beads.high - beads.low).tolist() == pytest.approx([0.0, 3.0])
-
-
 def test_dots_and_vertical_beads_are_drawn(make):
-    """As wide as they are, in the layer they are of and in no other."""
+    """Seen from above they are points, of which nothing is drawn; in their layer, and no other."""
     document, prints, contours = with_round(make)
     layers = contours.layer[document.plan.heads[0].contour[prints]].tolist()
     for row, number in enumerate(layers_of(document)[0].tolist()):
         _, axis = drawn(document, document, row, gone=False)
-        dots = [part for part in axis.collections if isinstance(part, EllipseCollection)]
-        widths = {float(w) for part in dots for w in part.get_widths() if part.get_alpha()}
-        wide = {float(contours.width[0]), 0.3 * float(contours.width[0])}
-        assert widths == pytest.approx(wide) if layers.count(number) == 2 else True
-        assert bool(widths) == (number in layers)
+        paths = [path for part in axis.collections for path in part.get_paths()]
+        sizes = [float(np.ptp(path.vertices, axis=0).max()) for path in paths]
+        assert sum(0.0 < size < 0.01 for size in sizes) == layers.count(number)

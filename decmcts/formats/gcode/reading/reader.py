@@ -118,7 +118,6 @@ def read_written(
     parsed = _parse(path, plate)
     ending = _ending(parsed, document, path)
     job, ours = _print_of(parsed, path, plate)
-    assert ours.moves is not None
     return job, ours, ours.moves, ending
 
 

@@ -72,8 +72,6 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
 
     Linear in moves and contours, but for the search of each block's contours.
     """
-    if document.moves is None:
-        return "the moves of the source are not known"
     changes = [block for block in document.blocks if _is_change(block)]
     if not changes:
         return "the source has no changes of tools that stand by themselves"
@@ -286,7 +284,6 @@ def _pulled_back(
     hot end nothing.
     """
     moves = document.moves
-    assert moves is not None
     of, tools = np.asarray(moves.contour), np.asarray(moves.tool)
     found = dict[int, float]()
     for tool in {int(job.contours.tool[c]) for c in changed}:
