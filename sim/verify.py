@@ -39,7 +39,6 @@ from sim.replay.contacts import (
 )
 from sim.replay.execution import (
     HeadConflict,
-    arrivals_of,
     head_conflicts,
     rail_breaks,
     run_trial,
@@ -48,6 +47,7 @@ from sim.replay.execution import (
 )
 from sim.replay.fenced import beads_for, check_fenced, moves_of
 from sim.replay.heads_near import nearest_heads
+from sim.replay.least import least_of_heads, with_waits
 from sim.replay.material import find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_signals, check_times
 from sim.replay.shapes import as_material, beads_there
@@ -127,11 +127,13 @@ def verify_plan(
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
         faults += check_order(document, source, legs, order, held)
-        faults += check_least(document, legs.whole, source) + check_metrics(document, legs.whole)
+        least = least_of_heads(document, legs.whole, source)
+        faults += check_least(legs.whole, least) + check_metrics(document, legs.whole)
         faults += check_welds(document, legs.whole, held.weld_limit_s)
         prints = prints_of(len(document.contours), legs.all_actions, order)
         faults += check_meetings(meetings, legs.all_actions, prints)
-        more, nearest = _check_execution(document, legs, order, meetings, counts, trials, seed)
+        replays = (trials, seed)
+        more, nearest = _check_execution(document, legs, order, meetings, least, counts, replays)
         faults += more
     checked = statements(document, source, machine, held, rules)
     return Verdict(tuple(faults), counts, checked, nearest=nearest)
@@ -192,9 +194,9 @@ def _check_execution(
     legs: Legs,
     order: PartialOrder,
     meetings: Sequence[Meetings],
+    least: list[Floats],
     counts: dict[str, float],
-    trials: int,
-    seed: int,
+    replays: tuple[int, int],
 ) -> tuple[list[Fault], Nearest]:
     """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
     gaps: list[Gap] = []
@@ -204,9 +206,9 @@ def _check_execution(
     counts["pairs"] = count_pairs(legs, order)
     faults += check_heads(document, legs, order) + check_fenced(document)
     faults += check_rail(document, legs, order)
-    arrivals = [arrivals_of(document, actions) for actions in legs.whole]
+    arrivals = [with_waits(each, times) for each, times in zip(legs.whole, least, strict=True)]
     faults += check_cooling(document, legs, order, arrivals)
-    faults += check_replays(document, legs, order, arrivals, counts, trials=trials, seed=seed)
+    faults += check_replays(document, legs, order, arrivals, counts, *replays)
     return faults, Nearest(nearest_heads(document, legs, order), beside)
 
 
@@ -303,7 +305,6 @@ def check_replays(
     order: PartialOrder,
     arrivals: list[Floats],
     counts: dict[str, float],
-    *,
     trials: int,
     seed: int,
 ) -> list[Fault]:
@@ -312,9 +313,7 @@ def check_replays(
     breaks: list[HeadConflict] = []
     passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
     for name, factors in timing_factors(legs, trials, seed):
-        _, courses = run_trial(document.machine, legs.all_actions, order, passing, factors)
-        ends = max((float(c.time[-1]) for c in courses), default=0.0)
-        counts.setdefault("makespan_s", ends)
+        courses = run_trial(document.machine, legs.all_actions, order, passing, factors)
         shared = shared_pieces(courses)
         for pair, pieces in shared.items():
             contacts += head_conflicts(document.machine, pieces, pair, name, LIMIT)

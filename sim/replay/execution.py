@@ -15,15 +15,12 @@ from itertools import combinations
 
 import numpy as np
 
-from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.print.plan import HeadActions
 from sim.arrays import Flags, Floats, Ints
 from sim.content.paths import Legs
-from sim.content.seams import laid_by
 from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.compiled import compiled
-from sim.replay.motion import arrival_times
 from sim.replay.shapes import Solid, Vertices, parts_of, separations_between, swept_vertices
 from sim.rules.order import PartialOrder
 
@@ -48,51 +45,6 @@ class TimedPath:
     time: Floats  # (k,) non-decreasing seconds
     point: Floats  # (k, 3)
     action: Ints  # (k,) leg the piece that begins here belongs to; -1 before the first
-
-
-def arrivals_of(document: PlanDocument, actions: HeadActions) -> Floats:
-    """Return for each point of a head's path the seconds since its action began."""
-    machine = document.machine
-    limits = machine.limits_of(machine.head(actions.head))
-    feed = np.full(len(actions.path), limits.travel_feed)
-    prints = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
-    due = print_feeds(document.contours, actions)
-    feed = np.where(due > 0, due, feed)
-    arrivals = arrival_times(actions.path, actions.path_offsets, feed, prints, limits)
-    waits = np.nonzero(actions.kind == ActionKind.WAIT)[0]
-    arrivals[actions.path_offsets[waits + 1] - 1] += actions.end_s[waits] - actions.begin_s[waits]
-    return arrivals
-
-
-def print_feeds(contours: Contours, actions: HeadActions) -> Floats:
-    """Return the feed of the segment that ends at each point of a head's paths, (n,).
-
-    NaN where none is printed, and where a path has not the points it should have.
-    """
-    feed = np.full(len(actions.path), np.nan)
-    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    first = actions.path_offsets[prints]
-    sizes = actions.path_offsets[prints + 1] - first
-    contour = actions.contour[prints]
-    plain = (actions.entry[prints] == 0) & (sizes == np.diff(contours.offsets)[contour])
-    begins, counts = first[plain], sizes[plain] - 1
-    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-    goes_back = np.repeat(actions.reversed[prints[plain]], counts)
-    nth = np.where(goes_back, np.repeat(counts, counts) - within, within + 1)
-    rows = np.repeat(contours.offsets[contour[plain]], counts) + nth
-    feed[np.repeat(begins, counts) + within + 1] = contours.feed[rows]
-    for a in prints[actions.entry[prints] != 0].tolist():
-        due = print_feed(contours, actions, a)
-        begin, end = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
-        if len(due) == end - begin - 1:  # a wrong path is reported elsewhere
-            feed[begin + 1 : end] = due
-    return feed
-
-
-def print_feed(contours: Contours, actions: HeadActions, action: int) -> Floats:
-    """Return the feed of each segment in the traversal of a print action; none if it is wrong."""
-    laid = laid_by(contours, actions, action)
-    return np.empty(0) if isinstance(laid, str) else laid.feed
 
 
 def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:
@@ -330,8 +282,8 @@ def run_trial(
     order: PartialOrder,
     arrivals: list[Floats],
     factors: list[Floats],
-) -> tuple[list[Floats], list[TimedPath]]:
-    """Execute the plan with one timing error; returns begin times and courses of all heads."""
+) -> list[TimedPath]:
+    """Return where all heads are if the plan is executed with one timing error."""
     seconds = [
         factor * times[actions.path_offsets[1:] - 1]
         for actions, factor, times in zip(all_actions, factors, arrivals, strict=True)
@@ -340,10 +292,9 @@ def run_trial(
     end_s = max(
         (float((b + d).max()) for b, d in zip(begin, seconds, strict=True) if len(b)), default=0.0
     )
-    courses = [
+    return [
         timed_path_of(actions, b, f, t, np.array(head.park), end_s)
         for actions, b, f, t, head in zip(
             all_actions, begin, factors, arrivals, machine.heads, strict=True
         )
     ]
-    return begin, courses
