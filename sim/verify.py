@@ -37,14 +37,7 @@ from sim.replay.contacts import (
     check_meetings,
     source_meetings,
 )
-from sim.replay.execution import (
-    HeadConflict,
-    head_conflicts,
-    rail_breaks,
-    run_trial,
-    shared_pieces,
-    timing_factors,
-)
+from sim.replay.execution import check_replays
 from sim.replay.fenced import beads_for, check_fenced, moves_of
 from sim.replay.heads_near import nearest_heads
 from sim.replay.least import least_of_heads, with_waits
@@ -297,38 +290,3 @@ def _into_printed(
         f"is {c.depth_mm:.3f} mm too high, near {place_of(moves[c.move])}"
         for c in contacts
     ]
-
-
-def check_replays(
-    document: PlanDocument,
-    legs: Legs,
-    order: PartialOrder,
-    arrivals: list[Floats],
-    counts: dict[str, float],
-    trials: int,
-    seed: int,
-) -> list[Fault]:
-    """Move the heads through nominal, random and adversarial timings and count contacts."""
-    contacts: list[HeadConflict] = []
-    breaks: list[HeadConflict] = []
-    passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
-    for name, factors in timing_factors(legs, trials, seed):
-        courses = run_trial(document.machine, legs.all_actions, order, passing, factors)
-        shared = shared_pieces(courses)
-        for pair, pieces in shared.items():
-            contacts += head_conflicts(document.machine, pieces, pair, name, LIMIT)
-        breaks += rail_breaks(document.machine, shared, name)
-        counts["replays"] = counts.get("replays", 0) + 1
-    counts["contacts"] = len(contacts)
-    return [
-        *listed(FaultKind.HEAD_HEAD, [_met(legs, m) for m in contacts]),
-        *listed(FaultKind.RAIL, [_met(legs, m) for m in breaks]),
-    ]
-
-
-def _met(legs: Legs, m: HeadConflict) -> str:
-    (r, s), (a, b) = m.heads, m.actions
-    return (
-        f"replay {m.trial!r} at {m.time_s:.2f} s: {legs.station(r, a)} and "
-        f"{legs.station(s, b)}: {m.gap_mm:.3f} mm apart"
-    )

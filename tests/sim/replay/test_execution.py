@@ -174,7 +174,7 @@ def test_two_courses_on_one_time_axis_are_where_they_were(seed):
     """Both heads' points by interpolation, and their actions by a look at the middle of a piece."""
     rng = np.random.default_rng(seed)
     courses = [random_course(rng, 30, 20.0), random_course(rng, 12, 20.0)]
-    pieces = shared_pieces(courses)[0, 1]
+    pieces = shared_pieces(courses)[0]
     time = pieces.time
     np.testing.assert_array_equal(time, np.unique(np.concatenate([c.time for c in courses])))
     middle = np.append((time[1:] + time[:-1]) / 2, time[-1])
@@ -190,7 +190,7 @@ def test_two_courses_on_one_time_axis_are_where_they_were(seed):
 def test_near_pieces_are_those_whose_boxes_overlap(seed):
     """A piece that is left out is never looked at again."""
     rng = np.random.default_rng(seed)
-    pieces = shared_pieces([random_course(rng, 40, 30.0), random_course(rng, 40, 30.0)])[0, 1]
+    pieces = shared_pieces([random_course(rng, 40, 30.0), random_course(rng, 40, 30.0)])[0]
     a_box, b_box, reach = np.array([[-9.0] * 3, [5.0] * 3]), np.array([[-4.0] * 3, [8.0] * 3]), 2.0
     every = np.arange(len(pieces.time) - 1)
     due = []
