@@ -37,17 +37,10 @@ from sim.replay.contacts import (
     check_meetings,
     source_meetings,
 )
-from sim.replay.execution import (
-    HeadConflict,
-    arrivals_of,
-    head_conflicts,
-    rail_breaks,
-    run_trial,
-    shared_pieces,
-    timing_factors,
-)
+from sim.replay.execution import check_replays
 from sim.replay.fenced import beads_for, check_fenced, moves_of
 from sim.replay.heads_near import nearest_heads
+from sim.replay.least import least_of_heads, with_waits
 from sim.replay.material import find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_signals, check_times
 from sim.replay.shapes import as_material, beads_there
@@ -127,11 +120,13 @@ def verify_plan(
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
         faults += check_order(document, source, legs, order, held)
-        faults += check_least(document, legs.whole, source) + check_metrics(document, legs.whole)
+        least = least_of_heads(document, legs.whole, source)
+        faults += check_least(legs.whole, least) + check_metrics(document, legs.whole)
         faults += check_welds(document, legs.whole, held.weld_limit_s)
         prints = prints_of(len(document.contours), legs.all_actions, order)
         faults += check_meetings(meetings, legs.all_actions, prints)
-        more, nearest = _check_execution(document, legs, order, meetings, counts, trials, seed)
+        replays = (trials, seed)
+        more, nearest = _check_execution(document, legs, order, meetings, least, counts, replays)
         faults += more
     checked = statements(document, source, machine, held, rules)
     return Verdict(tuple(faults), counts, checked, nearest=nearest)
@@ -192,9 +187,9 @@ def _check_execution(
     legs: Legs,
     order: PartialOrder,
     meetings: Sequence[Meetings],
+    least: list[Floats],
     counts: dict[str, float],
-    trials: int,
-    seed: int,
+    replays: tuple[int, int],
 ) -> tuple[list[Fault], Nearest]:
     """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
     gaps: list[Gap] = []
@@ -204,9 +199,9 @@ def _check_execution(
     counts["pairs"] = count_pairs(legs, order)
     faults += check_heads(document, legs, order) + check_fenced(document)
     faults += check_rail(document, legs, order)
-    arrivals = [arrivals_of(document, actions) for actions in legs.whole]
+    arrivals = [with_waits(each, times) for each, times in zip(legs.whole, least, strict=True)]
     faults += check_cooling(document, legs, order, arrivals)
-    faults += check_replays(document, legs, order, arrivals, counts, trials=trials, seed=seed)
+    faults += check_replays(document, legs, order, arrivals, counts, *replays)
     return faults, Nearest(nearest_heads(document, legs, order), beside)
 
 
@@ -295,41 +290,3 @@ def _into_printed(
         f"is {c.depth_mm:.3f} mm too high, near {place_of(moves[c.move])}"
         for c in contacts
     ]
-
-
-def check_replays(
-    document: PlanDocument,
-    legs: Legs,
-    order: PartialOrder,
-    arrivals: list[Floats],
-    counts: dict[str, float],
-    *,
-    trials: int,
-    seed: int,
-) -> list[Fault]:
-    """Move the heads through nominal, random and adversarial timings and count contacts."""
-    contacts: list[HeadConflict] = []
-    breaks: list[HeadConflict] = []
-    passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
-    for name, factors in timing_factors(legs, trials, seed):
-        _, courses = run_trial(document.machine, legs.all_actions, order, passing, factors)
-        ends = max((float(c.time[-1]) for c in courses), default=0.0)
-        counts.setdefault("makespan_s", ends)
-        shared = shared_pieces(courses)
-        for pair, pieces in shared.items():
-            contacts += head_conflicts(document.machine, pieces, pair, name, LIMIT)
-        breaks += rail_breaks(document.machine, shared, name)
-        counts["replays"] = counts.get("replays", 0) + 1
-    counts["contacts"] = len(contacts)
-    return [
-        *listed(FaultKind.HEAD_HEAD, [_met(legs, m) for m in contacts]),
-        *listed(FaultKind.RAIL, [_met(legs, m) for m in breaks]),
-    ]
-
-
-def _met(legs: Legs, m: HeadConflict) -> str:
-    (r, s), (a, b) = m.heads, m.actions
-    return (
-        f"replay {m.trial!r} at {m.time_s:.2f} s: {legs.station(r, a)} and "
-        f"{legs.station(s, b)}: {m.gap_mm:.3f} mm apart"
-    )

@@ -1,7 +1,7 @@
 """How long motion takes: the planner's time model.
 
 Trapezoids with look-ahead under the machine's limits (`decmcts.print.motion_kernels`).
-The judge (`sim.replay.motion`) has its own model; nothing here is imported there.
+The judge (`sim.replay.least`) has its own model; nothing here is imported there.
 """
 
 from __future__ import annotations

@@ -9,21 +9,19 @@ far larger than that. Actions that others wait for midway are replayed leg by le
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.print.plan import HeadActions, PlanDocument
 from sim.arrays import Flags, Floats, Ints
 from sim.content.paths import Legs
-from sim.content.seams import laid_by
+from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.compiled import compiled
-from sim.replay.motion import arrival_times
 from sim.replay.shapes import Solid, Vertices, parts_of, separations_between, swept_vertices
 from sim.rules.order import PartialOrder
 
@@ -34,7 +32,6 @@ SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned t
 class HeadConflict:
     """Two heads nearer than the clearance at some time of a replay."""
 
-    trial: str
     time_s: float
     heads: tuple[int, int]
     actions: tuple[int, int]  # legs
@@ -50,49 +47,29 @@ class TimedPath:
     action: Ints  # (k,) leg the piece that begins here belongs to; -1 before the first
 
 
-def arrivals_of(document: PlanDocument, actions: HeadActions) -> Floats:
-    """Return for each point of a head's path the seconds since its action began."""
-    machine = document.machine
-    limits = machine.limits_of(machine.head(actions.head))
-    feed = np.full(len(actions.path), limits.travel_feed)
-    prints = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
-    due = print_feeds(document.contours, actions)
-    feed = np.where(due > 0, due, feed)
-    arrivals = arrival_times(actions.path, actions.path_offsets, feed, prints, limits)
-    waits = np.nonzero(actions.kind == ActionKind.WAIT)[0]
-    arrivals[actions.path_offsets[waits + 1] - 1] += actions.end_s[waits] - actions.begin_s[waits]
-    return arrivals
+def check_replays(
+    document: PlanDocument, legs: Legs, order: PartialOrder, arrivals: list[Floats],
+    counts: dict[str, float], trials: int, seed: int,
+) -> list[Fault]:  # fmt: skip
+    """Move the heads through nominal, random and adversarial timings; adds to `counts`."""
+    machine, contacts, breaks = document.machine, list[str](), list[str]()
+    passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
+    for name, factors in timing_factors(legs, trials, seed):
+        courses = run_trial(machine, legs.all_actions, order, passing, factors)
+        for pieces in shared_pieces(courses):
+            contacts += [_met(legs, name, m) for m in head_conflicts(machine, pieces)]
+            breaks += [_met(legs, name, m) for m in rail_breaks(machine, pieces)]
+        counts["replays"] = counts.get("replays", 0) + 1
+    counts["contacts"] = len(contacts)
+    return [*listed(FaultKind.HEAD_HEAD, contacts), *listed(FaultKind.RAIL, breaks)]
 
 
-def print_feeds(contours: Contours, actions: HeadActions) -> Floats:
-    """Return the feed of the segment that ends at each point of a head's paths, (n,).
-
-    NaN where none is printed, and where a path has not the points it should have.
-    """
-    feed = np.full(len(actions.path), np.nan)
-    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    first = actions.path_offsets[prints]
-    sizes = actions.path_offsets[prints + 1] - first
-    contour = actions.contour[prints]
-    plain = (actions.entry[prints] == 0) & (sizes == np.diff(contours.offsets)[contour])
-    begins, counts = first[plain], sizes[plain] - 1
-    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-    goes_back = np.repeat(actions.reversed[prints[plain]], counts)
-    nth = np.where(goes_back, np.repeat(counts, counts) - within, within + 1)
-    rows = np.repeat(contours.offsets[contour[plain]], counts) + nth
-    feed[np.repeat(begins, counts) + within + 1] = contours.feed[rows]
-    for a in prints[actions.entry[prints] != 0].tolist():
-        due = print_feed(contours, actions, a)
-        begin, end = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
-        if len(due) == end - begin - 1:  # a wrong path is reported elsewhere
-            feed[begin + 1 : end] = due
-    return feed
-
-
-def print_feed(contours: Contours, actions: HeadActions, action: int) -> Floats:
-    """Return the feed of each segment in the traversal of a print action; none if it is wrong."""
-    laid = laid_by(contours, actions, action)
-    return np.empty(0) if isinstance(laid, str) else laid.feed
+def _met(legs: Legs, trial: str, m: HeadConflict) -> str:
+    (r, s), (a, b) = m.heads, m.actions
+    return (
+        f"replay {trial!r} at {m.time_s:.2f} s: {legs.station(r, a)} and "
+        f"{legs.station(s, b)}: {m.gap_mm:.3f} mm apart"
+    )
 
 
 def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:
@@ -189,12 +166,10 @@ def timed_path_of(
     )
 
 
-def head_conflicts(
-    machine: Machine, pieces: PairMotion, pair: tuple[int, int], trial: str, limit: int
-) -> list[HeadConflict]:
-    """Return the times at which two heads come nearer than the clearance."""
+def head_conflicts(machine: Machine, pieces: PairMotion) -> list[HeadConflict]:
+    """Return the times at which two heads come nearer than the clearance, `LIMIT` at most."""
     reach = machine.head_clearance_mm - TOLERANCE_MM
-    mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pair)
+    mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pieces.heads)
     if not mine or not theirs:
         return []
     every = np.arange(len(pieces.time) - 1)
@@ -208,11 +183,11 @@ def head_conflicts(
         for b_shape, b_box in zip(theirs, boxes, strict=True):
             for k in _near_pieces(pieces, near, a_box, b_box, reach).tolist():
                 actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
-                if actions in found or len(found) >= limit:
+                if actions in found or len(found) >= LIMIT:
                     continue
                 gap = _least_gap(a_shape, b_shape, pieces, k)
                 if gap < reach:
-                    found[actions] = HeadConflict(trial, float(pieces.time[k]), pair, actions, gap)
+                    found[actions] = HeadConflict(float(pieces.time[k]), pieces.heads, actions, gap)
     return list(found.values())
 
 
@@ -223,27 +198,28 @@ def _box(shape: Vertices) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class PairMotion:
-    """Both heads on one time axis; between two times each moves straight."""
+    """Two heads on one time axis; between two times each moves straight."""
 
+    heads: tuple[int, int]
     time: Floats  # (k,)
     a: Floats  # (k, 3)
     b: Floats  # (k, 3)
     actions: Ints  # (k, 2)
 
 
-def shared_pieces(courses: list[TimedPath]) -> dict[tuple[int, int], PairMotion]:
-    """Return for each pair of heads, the lower first, both on one time axis."""
-    pairs = combinations(range(len(courses)), 2)
-    return {(a, b): _shared_pieces(courses[a], courses[b]) for a, b in pairs}
+def shared_pieces(courses: list[TimedPath]) -> list[PairMotion]:
+    """Return each pair of heads, the lower first, on one time axis."""
+    return [_shared_pieces(courses, a, b) for a, b in combinations(range(len(courses)), 2)]
 
 
-def _shared_pieces(a: TimedPath, b: TimedPath) -> PairMotion:
-    time = np.sort(np.concatenate([a.time, b.time]), kind="stable")  # two runs to merge
+def _shared_pieces(courses: list[TimedPath], a: int, b: int) -> PairMotion:
+    both = courses[a], courses[b]
+    time = np.sort(np.concatenate([course.time for course in both]), kind="stable")  # two runs
     time = time[np.concatenate([[True], time[1:] != time[:-1]])]
     points, actions = np.empty((2, len(time), 3)), np.empty((len(time), 2), np.int64)
-    for h, course in enumerate((a, b)):
-        _follow(time, course.time, course.point, course.action, points[h], actions[:, h])
-    return PairMotion(time, points[0], points[1], actions)
+    for n, course in enumerate(both):
+        _follow(time, course.time, course.point, course.action, points[n], actions[:, n])
+    return PairMotion((a, b), time, points[0], points[1], actions)
 
 
 @compiled
@@ -303,24 +279,18 @@ def _least_gap(a: Vertices, b: Vertices, pieces: PairMotion, k: int) -> float:
     return Solid(a + a0).distance(Solid(swept_vertices(b, b0, b1 - (a1 - a0))))
 
 
-def rail_breaks(
-    machine: Machine, shared: Mapping[tuple[int, int], PairMotion], trial: str
-) -> list[HeadConflict]:
-    """Return the first time in a replay at which each pair of heads breaks each rail.
-
-    `shared` has the pieces of each pair (`shared_pieces`).
-    """
+def rail_breaks(machine: Machine, pieces: PairMotion) -> list[HeadConflict]:
+    """Return the first time at which two heads break each rail they share."""
     found = []
-    for pair, pieces in shared.items():
-        for axis, side, least in separations_between(machine, *(machine.heads[h] for h in pair)):
-            gap = side * (pieces.b - pieces.a)[:, axis]
-            bad = np.flatnonzero(gap < least - TOLERANCE_MM)
-            if len(bad):
-                k, turn = int(bad[0]), int(side)  # the first along the rail comes first
-                r, s = pair[::turn]
-                one, other = pieces.actions[k, ::turn].tolist()
-                time_s = float(pieces.time[k])
-                found.append(HeadConflict(trial, time_s, (r, s), (one, other), float(gap[k])))
+    first, second = (machine.heads[h] for h in pieces.heads)
+    for axis, side, least in separations_between(machine, first, second):
+        gap = side * (pieces.b - pieces.a)[:, axis]
+        bad = np.flatnonzero(gap < least - TOLERANCE_MM)
+        if len(bad):
+            k, turn = int(bad[0]), int(side)  # the first along the rail comes first
+            r, s = pieces.heads[::turn]
+            one, other = pieces.actions[k, ::turn].tolist()
+            found.append(HeadConflict(float(pieces.time[k]), (r, s), (one, other), float(gap[k])))
     return found
 
 
@@ -330,8 +300,8 @@ def run_trial(
     order: PartialOrder,
     arrivals: list[Floats],
     factors: list[Floats],
-) -> tuple[list[Floats], list[TimedPath]]:
-    """Execute the plan with one timing error; returns begin times and courses of all heads."""
+) -> list[TimedPath]:
+    """Return where all heads are if the plan is executed with one timing error."""
     seconds = [
         factor * times[actions.path_offsets[1:] - 1]
         for actions, factor, times in zip(all_actions, factors, arrivals, strict=True)
@@ -340,10 +310,9 @@ def run_trial(
     end_s = max(
         (float((b + d).max()) for b, d in zip(begin, seconds, strict=True) if len(b)), default=0.0
     )
-    courses = [
+    return [
         timed_path_of(actions, b, f, t, np.array(head.park), end_s)
         for actions, b, f, t, head in zip(
             all_actions, begin, factors, arrivals, machine.heads, strict=True
         )
     ]
-    return begin, courses

@@ -5,12 +5,11 @@ rest of the other, and left wherever nothing can be nearer than the nearest pair
 one nozzle the other moves within a parallelogram, so two upright parts are as far apart as that
 is from their difference, in the plane and in height. This is exact where the height between the
 heads does not change, or does not matter since the parts always overlap in height. Else it is a
-bound, and FCL is asked (`sim.replay.shapes`).
+bound from below.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -27,13 +26,11 @@ from sim.replay.bodies import Stations, action_stations, parked, rest_stations
 from sim.replay.boxes import build_tree
 from sim.replay.compiled import compiled
 from sim.replay.gaps import polygon_gap
-from sim.replay.shapes import Part, Solid, parts_of, swept_vertices
+from sim.replay.shapes import Part, parts_of
 from sim.rules.order import PartialOrder
 
 SAME_MM = 1e-9  # nearer by less than this is not nearer
 STACK = 64  # a binary tree of 2**63 leaves is not deeper
-SLANTING = 256  # pairs of climbing segments that are kept
-JUDGED = 32  # of those, how many FCL is asked about at the most
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,26 +44,6 @@ class Shapes:
 
 
 @dataclass(frozen=True, slots=True)
-class Slanting:
-    """Pairs of segments whose distance is only known to be at least so much."""
-
-    rows: (
-        Ints  # (SLANTING, 5) station, the other's, segment of its path, the other's, pair of parts
-    )
-    bounds: Floats  # (SLANTING,)
-
-    @staticmethod
-    def empty() -> Slanting:
-        """Return room for as many as are kept."""
-        return Slanting(np.empty((SLANTING, 5), np.int64), np.empty(SLANTING))
-
-    def below(self, n: int) -> Iterator[tuple[float, list[int], int]]:
-        """Yield of the first n the bound and the row, by bound, counted from 0."""
-        for asked, k in enumerate(np.argsort(self.bounds[:n], kind="stable").tolist()):
-            yield float(self.bounds[k]), self.rows[k].tolist(), asked
-
-
-@dataclass(frozen=True, slots=True)
 class HeadsNear:
     """The nearest pair so far, of all pairs that were looked at."""
 
@@ -76,7 +53,7 @@ class HeadsNear:
     rest: bool = False
     other_action: int = -1
     other_rest: bool = False
-    at_least: bool = False  # there were too many pairs: the gap is no smaller than this
+    at_least: bool = False  # they climb aslant: the gap is no smaller than this
 
 
 def outermost(parts: list[Part]) -> list[Part]:
@@ -152,38 +129,21 @@ def come_nearer(
     """Return the nearest pair of a station and a concurrent one of the other head, or `known`."""
     if not shapes.parts or not len(stations.low) or not len(others.action):
         return known
-    best, found, slanting = np.array([known.gap_mm, np.inf]), np.full(3, -1), Slanting.empty()
+    best, found = np.array([known.gap_mm]), np.full(3, -1)
     search_nearest(
         (stations.points, stations.offsets, stations.boxes),
         (stations.low, stations.high),
         (others.points, others.offsets, build_tree(others.boxes)),
         (shapes.offsets, shapes.xy, shapes.boxes),
-        (best, found, slanting.rows, slanting.bounds),
+        (best, found),
     )
-    i, j, gap, at_least = int(found[0]), int(found[1]), float(best[0]), known.at_least
-    for bound, row, asked in slanting.below(int(found[2]) + 1):
-        if bound >= gap - SAME_MM:
-            break
-        near = _exactly(stations, others, row, shapes) if asked < JUDGED else bound
-        if near < gap - SAME_MM:
-            gap, i, j, at_least = near, row[0], row[1], at_least or asked >= JUDGED
-    if best[1] < gap - SAME_MM:
-        gap, at_least = float(best[1]), True
+    i, j, at_least = found.tolist()
     if i < 0:
-        return replace(known, gap_mm=gap, at_least=at_least)
+        return known
     action, other = int(stations.action[i]), int(others.action[j])
-    return HeadsNear(gap, heads, action, stations.rest, other, others.rest, at_least)
-
-
-def _exactly(stations: Stations, others: Stations, row: list[int], shapes: Shapes) -> float:
-    """Return the distance of two parts swept along a segment each."""
-    i, j, a, b, k = row
-    mine, theirs = stations.path(i)[a : a + 2], others.path(j)[b : b + 2]
-    one, other = (
-        Solid(swept_vertices(part.vertices(), path[0], path[-1]))
-        for part, path in zip(shapes.parts[k], (mine, theirs), strict=True)
+    return HeadsNear(
+        float(best[0]), heads, action, stations.rest, other, others.rest, bool(at_least)
     )
-    return one.distance(other)
 
 
 def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Gap | None:
@@ -250,30 +210,18 @@ def is_level(a: Floats, b: Floats, low: Floats, high: Floats, box: Floats) -> bo
 
 
 @compiled
-def search_pair(a: Floats, b: Floats, row: Any, spare: Any, shapes: Any, known: Any) -> None:
-    """Look at all pairs of parts of two segments; mutates `known` where one is nearer.
-
-    `row` has the two stations and the segments of their paths.
-    """
-    best, found, rows, bounds = known
+def search_pair(a: Floats, b: Floats, i: int, j: int, spare: Any, shapes: Any, known: Any) -> None:
+    """Look at all parts on two segments of stations; mutates `known` where a pair is nearer."""
+    best, found = known
     low, high, quad = spare[:3]
     offsets, xy, boxes = shapes
     for k in range(len(boxes) - 1):
         if box_gap(low, high, boxes[k]) >= best[0] - SAME_MM:
             continue
         gap = parts_gap(a, b, low, high, k, (offsets, xy, boxes, quad))
-        if gap >= best[0] - SAME_MM:
-            continue
-        if is_level(a, b, low, high, boxes[k]):
-            best[0], found[0], found[1] = gap, row[0], row[1]
-        elif found[2] + 1 < len(bounds):
-            found[2] += 1
-            bounds[found[2]] = gap
-            for c in range(4):
-                rows[found[2], c] = row[c]
-            rows[found[2], 4] = k
-        else:
-            best[1] = min(best[1], gap)
+        if gap < best[0] - SAME_MM:
+            best[0], found[0], found[1] = gap, i, j
+            found[2] = not is_level(a, b, low, high, boxes[k])
 
 
 @compiled
@@ -301,8 +249,7 @@ def search_paths(
         for q in range(begins[j], max(other_end, begins[j] + 1)):
             take_segment(others, q, min(q + 1, other_end), b, b_box)
             if node_gap(a_box, b_box, low, high, boxes) < best[0] - SAME_MM:
-                row = (i, j, p - offsets[i], q - begins[j])
-                search_pair(a, b, row, spare, shapes, known)
+                search_pair(a, b, i, j, spare, shapes, known)
 
 
 @compiled
@@ -341,9 +288,8 @@ def search_nearest(mine: Any, window: Any, theirs: Any, shapes: Any, known: Any)
     window : (low (n,), high (n,)) which of the other head's stations count for each
     theirs : (points (q, 3), offsets (k + 1,), tree over their boxes)
     shapes : (offsets, xy, boxes) of `Shapes`
-    known : (best (2,), found (3,), rows, bounds): the least gap, and the least of those that were
-        not looked at; its two stations, -1: none nearer, and the last of the rows that are
-        written; pairs that FCL has to look at (`Slanting`)
+    known : (best (1,), found (3,)): the least gap; its two stations, -1: none nearer, and whether
+        it is a bound
     """
     stations, tree, best = mine[2], theirs[2], known[0]
     size = len(tree) // 2

@@ -1,4 +1,4 @@
-"""The least time the motion of an action can take, by limits that hold whatever a firmware does.
+"""The judge's model of motion: the least time an action can take, whatever a firmware does.
 
 A speed is at most the feed and each axis' own limit, an acceleration at most the largest that
 applies. At a vertex no axis changes its speed at once by more than its jerk; a reversal goes
@@ -16,13 +16,21 @@ import math
 
 import numpy as np
 
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats
+from sim.content.seams import laid_by
 from sim.replay.compiled import compiled
-from sim.replay.execution import print_feeds
-from sim.replay.motion import share, steps_of
+
+
+def least_of_heads(
+    document: PlanDocument, all_actions: tuple[HeadActions, ...], source: PrintJob | None
+) -> list[Floats]:
+    """Return `least_arrivals` of each head; several may have to wait, so they begin at rest."""
+    rests = len(all_actions) > 1
+    return [least_arrivals(document, actions, source, rests=rests) for actions in all_actions]
 
 
 def least_arrivals(
@@ -59,6 +67,14 @@ def least_arrivals(
     return np.asarray(passed - np.repeat(passed[first], np.diff(actions.path_offsets)))
 
 
+def with_waits(actions: HeadActions, arrivals: Floats) -> Floats:
+    """Return arrivals at the points of a head's paths where each wait lasts as the plan says."""
+    waits = np.flatnonzero(actions.kind == ActionKind.WAIT)
+    waited = arrivals.copy()
+    waited[actions.path_offsets[waits + 1] - 1] += actions.end_s[waits] - actions.begin_s[waits]
+    return waited
+
+
 def _feeds(
     document: PlanDocument, actions: HeadActions, limits: MotionLimits, source: PrintJob | None
 ) -> Floats:
@@ -70,6 +86,37 @@ def _feeds(
     prints = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
     due = print_feeds(document.contours, actions)
     return np.where(due > 0.0, due, np.where(prints, math.inf, travel))
+
+
+def print_feeds(contours: Contours, actions: HeadActions) -> Floats:
+    """Return the feed of the segment that ends at each point of a head's paths, (n,).
+
+    NaN where none is printed, and where a path has not the points it should have.
+    """
+    feed = np.full(len(actions.path), np.nan)
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    first = actions.path_offsets[prints]
+    sizes = actions.path_offsets[prints + 1] - first
+    contour = actions.contour[prints]
+    plain = (actions.entry[prints] == 0) & (sizes == np.diff(contours.offsets)[contour])
+    begins, counts = first[plain], sizes[plain] - 1
+    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    goes_back = np.repeat(actions.reversed[prints[plain]], counts)
+    nth = np.where(goes_back, np.repeat(counts, counts) - within, within + 1)
+    rows = np.repeat(contours.offsets[contour[plain]], counts) + nth
+    feed[np.repeat(begins, counts) + within + 1] = contours.feed[rows]
+    for a in prints[actions.entry[prints] != 0].tolist():
+        due = print_feed(contours, actions, a)
+        begin, end = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
+        if len(due) == end - begin - 1:  # a wrong path is reported elsewhere
+            feed[begin + 1 : end] = due
+    return feed
+
+
+def print_feed(contours: Contours, actions: HeadActions, action: int) -> Floats:
+    """Return the feed of each segment in the traversal of a print action; none if it is wrong."""
+    laid = laid_by(contours, actions, action)
+    return np.empty(0) if isinstance(laid, str) else laid.feed
 
 
 def _accelerations(
@@ -94,6 +141,18 @@ def _accelerations(
     each = np.full(len(actions), travelling)
     each[prints] = most[actions.contour[prints]]
     return np.asarray(each[owner], np.float64)
+
+
+def steps_of(path: Floats) -> tuple[Floats, Floats]:
+    """Return length, (n,) mm, and direction, (n, 3), of the segment that ends at each point."""
+    step = np.diff(path, axis=0, prepend=path[:1])
+    length = np.linalg.norm(step, axis=1)
+    return length, step / np.maximum(length, 1e-12)[:, None]
+
+
+def share(limits: tuple[float, float, float, float], unit: Floats) -> Floats:
+    """Return the largest value along each direction whose parts keep the limits of x, y and z."""
+    return np.asarray((np.array(limits[:3]) / np.maximum(np.abs(unit), 1e-9)).min(axis=1))
 
 
 @compiled

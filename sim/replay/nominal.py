@@ -19,15 +19,13 @@ from itertools import pairwise
 import numpy as np
 
 from decmcts.print.contours import Contours
-from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats
 from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
-from sim.replay.execution import print_feed
-from sim.replay.least import least_arrivals
+from sim.replay.least import print_feed
 
 TIME_TOLERANCE_S = 1e-3
 MODEL = 0.02  # share of the least time of an action that rounded points may take off
@@ -88,14 +86,11 @@ def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[Fla
     return [waits[:-1] for waits in stopped]
 
 
-def check_least(
-    document: PlanDocument, all_actions: tuple[HeadActions, ...], source: PrintJob | None
-) -> list[Fault]:
-    """Check that no action is shorter than its own motion, at the feeds and limits known."""
+def check_least(all_actions: tuple[HeadActions, ...], least: list[Floats]) -> list[Fault]:
+    """Check that no action is shorter than its own motion (`least_arrivals` of each head)."""
     lines: list[str] = []
-    for actions in all_actions:
-        least = least_arrivals(document, actions, source, rests=len(all_actions) > 1)
-        due = least[actions.path_offsets[1:] - 1] * (1.0 - MODEL) - TIME_TOLERANCE_S
+    for actions, passed in zip(all_actions, least, strict=True):
+        due = passed[actions.path_offsets[1:] - 1] * (1.0 - MODEL) - TIME_TOLERANCE_S
         takes = actions.end_s - actions.begin_s
         lines += [
             f"{describe(actions, a)} takes {takes[a]:.3f} s, its motion at least {due[a]:.3f} s"

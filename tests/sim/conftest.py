@@ -20,7 +20,8 @@ from decmcts.print.plan import (
     PlanDocument,
 )
 from sim.content.paths import check_structure, legs_of
-from sim.replay.execution import arrivals_of, execute
+from sim.replay.execution import execute
+from sim.replay.least import least_arrivals, with_waits
 from sim.rules.order import PartialOrder, order_of
 
 LAYER = 0.2
@@ -196,6 +197,11 @@ def stacked_plan(*after, first=()):
     return timed(replace(document, contours=contours, plan=plan, min_layer_time_s=20.0))
 
 
+def arrivals_of(document: PlanDocument, actions: HeadActions) -> np.ndarray:
+    """Seconds from the begin of its action to each point of a head's paths."""
+    return with_waits(actions, least_arrivals(document, actions, None, rests=True))
+
+
 def timed(document: PlanDocument, more_s: float = 1.0) -> PlanDocument:
     """The plan with times that its motion and its waits allow, some more for each action."""
     if check_structure(document):
@@ -292,6 +298,6 @@ def make():
         actions_of_rows=actions_of_rows, lift=lift,
         one_head_machine=one_head_machine, two_head_machine=two_head_machine,
         tower_plan=tower_plan, two_head_plan=two_head_plan, shared_plan=shared_plan,
-        stacked_plan=stacked_plan, edited=edited, timed=timed,
+        stacked_plan=stacked_plan, edited=edited, timed=timed, arrivals_of=arrivals_of,
         to_rows=to_rows, from_rows=from_rows, actions_with_points=actions_with_points,
     )  # fmt: skip

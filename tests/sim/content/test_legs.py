@@ -10,7 +10,7 @@ import pytest
 from decmcts.print.plan import ACTION_END, ActionKind
 from sim.content.paths import legs_of
 from sim.faults import FaultKind
-from sim.replay.execution import arrivals_of, execute, run_trial, timing_factors
+from sim.replay.execution import execute, run_trial, timing_factors
 from sim.replay.fenced import beads_for
 from sim.rules.order import order_of
 from sim.verify import all_actions_of, verify_plan
@@ -152,17 +152,18 @@ def test_a_lag_counts_from_when_the_point_was_passed(make):
     all_actions = all_actions_of(document)
     legs, arrivals = (
         legs_of(all_actions),
-        [arrivals_of(document, actions) for actions in all_actions],
+        [make.arrivals_of(document, actions) for actions in all_actions],
     )
     passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
     first = all_actions[0].path_offsets[1]
     for _, factors in timing_factors(legs, 3, seed=1):
-        begin, _ = run_trial(
+        courses = run_trial(
             document.machine, legs.all_actions, order_of(legs.all_actions), passing, factors
         )
         travel = factors[0][0] * arrivals[0][first - 1]
         passed = travel + factors[0][1] * arrivals[0][first + ENOUGH]
-        assert begin[1][0] == pytest.approx(passed + 7.0)
+        begun = courses[1].time[courses[1].action == 0][0]
+        assert begun == pytest.approx(passed + 7.0)
 
 
 def test_nominal_times_wait_for_the_point_and_the_lag(make):

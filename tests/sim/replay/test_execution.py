@@ -15,14 +15,12 @@ from sim.faults import FaultKind
 from sim.replay.execution import (
     TimedPath,
     _near_pieces,
-    arrivals_of,
     execute,
-    print_feed,
-    print_feeds,
     run_trial,
     shared_pieces,
     timing_factors,
 )
+from sim.replay.least import print_feed, print_feeds
 from sim.rules.order import order_of
 from sim.verify import all_actions_of, verify_plan
 
@@ -89,15 +87,14 @@ def test_a_head_rests_where_it_ended(make):
     """Between two actions the course holds the last point, through any wait."""
     document = make.two_head_plan()
     all_actions = all_actions_of(document)
-    arrivals = [arrivals_of(document, actions) for actions in all_actions]
+    arrivals = [make.arrivals_of(document, actions) for actions in all_actions]
     _, factors = next(timing_factors(legs_of(all_actions), 0, 0))
-    begin, courses = run_trial(
-        document.machine, all_actions, order_of(all_actions), arrivals, factors
-    )
+    courses = run_trial(document.machine, all_actions, order_of(all_actions), arrivals, factors)
     waits = next(a for a in range(len(all_actions[1])) if all_actions[1].after(a))
     end = courses[1].time[courses[1].action == waits - 1][-1]
-    assert begin[1][waits] > end
-    here = np.interp((end + begin[1][waits]) / 2, courses[1].time, courses[1].point[:, 0])
+    begun = courses[1].time[courses[1].action == waits][0]
+    assert begun > end
+    here = np.interp((end + begun) / 2, courses[1].time, courses[1].point[:, 0])
     assert here == all_actions[1].action_path(waits)[0, 0]
 
 
@@ -108,7 +105,7 @@ def test_a_head_moves_under_its_own_limits(make):
     slow = MotionLimits(travel_feed=15.0, max_feed=(15.0, 15.0, 2.0, 60.0))
     machine = replace(document.machine, heads=(left, replace(right, limits=slow)))
     before, after = (
-        [arrivals_of(d, actions)[-1] for actions in all_actions_of(d)]
+        [make.arrivals_of(d, actions)[-1] for actions in all_actions_of(d)]
         for d in (document, replace(document, machine=machine))
     )
     assert after[0] == before[0]
@@ -120,13 +117,13 @@ def test_print_feeds_follow_the_traversal(make):
     document = make.tower_plan(layers=1, towers=((20.0, 20.0),))
     feed = np.array([0.0, 10.0, 20.0, 30.0, 40.0])
     document = replace(document, contours=replace(document.contours, feed=feed))
-    forward = np.diff(arrivals_of(document, document.plan.heads[0])[4:9])
+    forward = np.diff(make.arrivals_of(document, document.plan.heads[0])[4:9])
 
     def reverse(rows):
         rows[1]["path"], rows[1]["reversed"] = rows[1]["path"][::-1].copy(), True
 
     edited = make.edited(document, 0, reverse)
-    backward = np.diff(arrivals_of(edited, edited.plan.heads[0])[4:9])
+    backward = np.diff(make.arrivals_of(edited, edited.plan.heads[0])[4:9])
     np.testing.assert_allclose(backward, forward[::-1])
 
 
@@ -177,7 +174,7 @@ def test_two_courses_on_one_time_axis_are_where_they_were(seed):
     """Both heads' points by interpolation, and their actions by a look at the middle of a piece."""
     rng = np.random.default_rng(seed)
     courses = [random_course(rng, 30, 20.0), random_course(rng, 12, 20.0)]
-    pieces = shared_pieces(courses)[0, 1]
+    pieces = shared_pieces(courses)[0]
     time = pieces.time
     np.testing.assert_array_equal(time, np.unique(np.concatenate([c.time for c in courses])))
     middle = np.append((time[1:] + time[:-1]) / 2, time[-1])
@@ -193,7 +190,7 @@ def test_two_courses_on_one_time_axis_are_where_they_were(seed):
 def test_near_pieces_are_those_whose_boxes_overlap(seed):
     """A piece that is left out is never looked at again."""
     rng = np.random.default_rng(seed)
-    pieces = shared_pieces([random_course(rng, 40, 30.0), random_course(rng, 40, 30.0)])[0, 1]
+    pieces = shared_pieces([random_course(rng, 40, 30.0), random_course(rng, 40, 30.0)])[0]
     a_box, b_box, reach = np.array([[-9.0] * 3, [5.0] * 3]), np.array([[-4.0] * 3, [8.0] * 3]), 2.0
     every = np.arange(len(pieces.time) - 1)
     due = []

@@ -11,7 +11,6 @@ import shapely
 from decmcts.print.machine import Body, Head, Slice
 from decmcts.print.plan import ACTION_END, ActionKind
 from sim.content.paths import legs_of
-from sim.replay import heads_near
 from sim.replay.bodies import concurrent, path_gap
 from sim.replay.heads_near import least_gap, outermost
 from sim.replay.shapes import parts_of
@@ -84,9 +83,9 @@ def by_all_pairs(heads, all_actions, order) -> float:
 
 @pytest.mark.parametrize("n_heads", [2, 3])
 def test_the_least_gap_is_that_of_all_pairs(make, n_heads):
-    """What is stated as the least clearance is the least: no pair is left out, none made up."""
-    gaps = []
-    for seed in range(10 if n_heads == 2 else 1):
+    """No pair is left out, none made up; where heads climb past each other it is a bound."""
+    gaps, bounds = [], 0
+    for seed in range(12 if n_heads == 2 else 1):
         rng = np.random.default_rng([seed, n_heads])
         heads = tuple(random_head(rng, f"h{k}", 45.0 * k) for k in range(n_heads))
         legs = legs_of(random_actions(make, rng, heads))
@@ -94,28 +93,12 @@ def test_the_least_gap_is_that_of_all_pairs(make, n_heads):
         assert isinstance(order, PartialOrder)
         found = least_gap(heads, legs.all_actions, order)
         due = by_all_pairs(heads, legs.all_actions, order)
-        assert not found.at_least
-        assert found.gap_mm == pytest.approx(due, abs=1e-5), seed
+        assert found.gap_mm <= due + 1e-5, seed
+        assert found.at_least or found.gap_mm == pytest.approx(due, abs=1e-5), seed
+        bounds += found.at_least
         gaps.append(due)
     assert any(gap > 0.0 for gap in gaps)
-
-
-def test_what_fcl_is_not_asked_about_is_at_least_so_much(make, monkeypatch):
-    """With too many climbing pairs a bound is stated, and called one; it is never above the gap."""
-    bounds = 0
-    for seed in range(40):
-        rng = np.random.default_rng([seed, 7])
-        heads = tuple(random_head(rng, f"h{k}", 45.0 * k) for k in range(2))
-        legs = legs_of(random_actions(make, rng, heads))
-        order = order_of(legs.all_actions)
-        exact = least_gap(heads, legs.all_actions, order)
-        with monkeypatch.context() as patched:
-            patched.setattr(heads_near, "JUDGED", 0)
-            found = least_gap(heads, legs.all_actions, order)
-        assert found.gap_mm <= exact.gap_mm + 1e-6
-        assert found.at_least or found.gap_mm == pytest.approx(exact.gap_mm)
-        bounds += found.at_least
-    assert bounds > 0
+    assert bounds <= len(gaps) // 4
 
 
 def test_parts_within_others_are_left_out():

@@ -73,6 +73,26 @@ def test_corners():
     assert from_rest(x, 100.0, jerk, 0.05) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("points", "takes"),
+    [
+        ([[0, 0, 0], [10, 0, 0]], 0.2),  # a triangle: full speed is never reached
+        ([[0, 0, 0], [30, 0, 0], [100, 0, 0]], 1.1),  # straight on, nothing is lost
+        ([[0, 0, 0], [50, 0, 0], [50, 50, 0]], 1.2),  # a sharp corner without jerk is a stop
+        ([[0, 0, 0], [0, 0, 10]], 1.1),  # z has limits of its own
+        ([[1, 2, 3], [1, 2, 3]], 0.0),
+    ],
+)
+def test_paths_take_their_trapezoids(points, takes):
+    """100 mm/s, of z 10, reached in 0.1 s."""
+    limits = MotionLimits(
+        max_feed=(100.0, 100.0, 10.0, 50.0), max_acceleration=(1000.0, 1000.0, 100.0, 1000.0),
+        jerk=(0.0, 0.0, 0.0, 0.0), travel_acceleration=1000.0,
+    )  # fmt: skip
+    path, offsets = np.array(points, float), np.array([0, len(points)])
+    assert least_of(path, offsets, np.full(len(path), 100.0), limits)[0] == pytest.approx(takes)
+
+
 def in_time_of(document, factor: float):
     """The plan with its times multiplied."""
     heads = tuple(

@@ -17,7 +17,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.samples import sample_path
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.timing import action_times
-from sim.replay.execution import arrivals_of
+from sim.replay.least import least_arrivals
 from tests.limits import LIMITS
 
 SETTINGS = ProcessSettings(
@@ -97,5 +97,7 @@ def test_a_plan_takes_as_long_as_its_file(tmp_path):
     assert plan.makespan_s == pytest.approx(file.total_s, rel=0.01)
     document_of = PlanDocument("", machine, job.contours, graph.pairs(), plan, {})
     actions = plan.heads[0]
-    judged = arrivals_of(document_of, actions)[actions.path_offsets[1:] - 1].sum()
+    judged = least_arrivals(document_of, actions, job, rests=False)[
+        actions.path_offsets[1:] - 1
+    ].sum()
     assert judged == pytest.approx(plan.makespan_s, rel=0.15)  # the judge knows no filament
