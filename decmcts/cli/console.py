@@ -4,12 +4,11 @@ Everything goes to standard error except what was asked for (`--json`, tables),
 so that output can be piped. A terminal gets one line that changes, everything
 else (a log, a slicer's window, `TERM=dumb`) a line a step.
 
-The one way to the terminal: nothing that comes out of a file commands it.
-
-Names of machines and heads, macros, lines of G-code and recordings hold what somebody else wrote:
-an escape sequence in them could rename the window, hide a warning, or answer in the user's
-place. All that is shown is rendered by a `SafeConsole`, which puts a question mark in the place
-of each control character; colours and cursor movements of our own are not text and pass.
+Nothing that comes out of a file commands the terminal. Names of machines and heads, macros, lines
+of G-code and recordings hold what somebody else wrote: an escape sequence in them could rename the
+window, hide a warning, or answer in the user's place. All that is shown is rendered by a
+`SafeConsole`, which puts a question mark in the place of each control character; colours and cursor
+movements of our own are not text and pass.
 """
 
 from __future__ import annotations

@@ -3,11 +3,9 @@
 One joint plan is run in simulated controllers in two ways. *Waits*: as it is written, a head goes
 on when another has signalled. *Clock*: it goes on at the planned time. Both get equal errors.
 
-The same programs by the clock: heads wait for times, not for one another.
-
-The baseline of the literature on several printing robots: a central plan that trusts its clock.
-Where a head waits for another's signal it waits until the moment at which it went on when all
-took the planned time. At planned times both do the same.
+*Clock* is the baseline of the literature on several printing robots: a central plan that trusts its
+clock. Where a head waits for another's signal it waits until the moment at which it went on when
+all took the planned time. At planned times both do the same.
 
 References
 ----------

@@ -4,15 +4,12 @@ Turns contours and heads into kernel arrays, runs the walk and words what it
 finds for people. The geometry itself lives in `decmcts.feasibility.clearance_kernels`, the
 order of the walk in `decmcts.feasibility.closure_kernels`.
 
-Which touching contours of a layer keep the slicer's order, by their roles.
-
-Process order `keep` holds whatever has different roles. Quality holds what a
-slicer would never turn round: the shells of an island (inner and outer
-perimeters as sliced), what is anchored in them (infill, bridges, gap fill, top
-surfaces after the perimeters they start from), ironing after what it irons, and
-contours of which nothing is known. Always, a brim stays before what touches it.
-That what lies below comes first needs no rule: material above always blocks the
-head.
+Contours of one layer that touch keep the slicer's order by their roles. Process order `keep` holds
+whatever has different roles. Quality holds what a slicer would never turn round: the shells of an
+island (inner and outer perimeters as sliced), what is anchored in them (infill, bridges, gap fill,
+top surfaces after the perimeters they start from), ironing after what it irons, and contours of
+which nothing is known. Always, a brim stays before what touches it. That what lies below comes
+first needs no rule: material above always blocks the head.
 """
 
 from __future__ import annotations

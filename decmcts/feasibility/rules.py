@@ -3,19 +3,15 @@
 Planners and agents build their graph here, so that no rule is on in one command
 and off in another.
 
-How many layers one part of a print may run ahead of the rest.
+**Lead**: how many layers one part may run ahead of the rest. With a limit of N nothing of layer L +
+N + 1 is begun before all of layer L is printed. Said for every pair of contours that is a product
+of two layers, so on layers with many contours one contour stands for the rule: the first of layer L
++ N in the source, all of layer L before it, it before all of layer L + N + 1. That is a little
+stricter than asked, since that one contour is waited for. So is what rests on nothing: it waits for
+one contour of the layer below, through which the layers further down come before it.
 
-With a limit of N nothing of layer L + N + 1 is begun before all of layer L is
-printed. Said for every pair of contours that is a product of two layers, so on
-layers with many contours one contour stands for the rule: the first of layer
-L + N in the source, all of layer L before it, it before all of layer L + N + 1.
-That is a little stricter than asked, since that one contour is waited for. So is
-what rests on nothing: it waits for one contour of the layer below, through which
-the layers further down come before it.
-
-What primes the nozzle comes first: skirt, brim, purge and prime lines.
-
-An epoch is what the source prints between two places nothing is moved across.
+**Priming**: what primes the nozzle comes first, as skirt, brim, purge and prime lines do. An
+epoch is what the source prints between two places nothing is moved across.
 What it begins an epoch with, tool by tool, stays there, in the source's order and
 before all else that tool prints in the epoch, if it is
 

@@ -6,11 +6,10 @@ callers and optimises all again. Two fifths of the time of compiling our kernels
 into what nobody calls. Here functions met on the way to a kernel stay as they were
 lowered; the kernel's own library is optimised with all it links, as ever.
 
-Which functions make no array and return none: they only borrow those they are handed.
-
-Numba counts who holds an array at every call and for every array of a struct, one locked
-addition each, though the caller holds it all the while. That was two thirds of the time of our
-kernels, and more where two threads count the same arrays. What only borrows needs no counting.
+Functions that make no array and return none only *borrow* those they are handed. Numba counts who
+holds an array at every call and for every array of a struct, one locked addition each, though the
+caller holds it all the while. That was two thirds of the time of our kernels, and more where two
+threads count the same arrays. What only borrows needs no counting.
 """
 
 from __future__ import annotations

@@ -4,14 +4,13 @@ The folder is named by a digest of all sources that are compiled together: a ker
 that calls one in another file must not outlive a change there. So files are never
 changed, only made, whole or not at all, by any number of processes at a time. One that
 wants what another is compiling waits for it. Where the folder cannot be written, or others
-may put files there (`trust`), a temporary one takes what is missing for as long as this
+may put files there, a temporary one takes what is missing for as long as this
 process and its children live.
 
-Whose folder is it? Machine code is run unseen, so nobody else may have written it.
-
-As secure shells ask it of their keys: a folder and all above it belong to this user or to the
-system's, and others can put nothing there. Where others may write, as in `/tmp`, but can
-neither rename nor remove what is not theirs (the sticky bit), what lies below is asked.
+Machine code is run unseen, so nobody else may have written it. As secure shells ask it of their
+keys: a folder and all above it belong to this user or to the system's, and others can put nothing
+there. Where others may write, as in `/tmp`, but can neither rename nor remove what is not theirs
+(the sticky bit), what lies below is asked.
 """
 
 from __future__ import annotations

@@ -3,20 +3,17 @@
 Files are read in `decmcts.formats.machines.machine_file`; this is the frozen result.
 Units mm, mm/s, mm/s².
 
-What a head that stands idle does so that it does not ooze.
-
-A head of several waits for others. Its hot end is hot meanwhile, and filament under pressure
-seeps out. Slicers know this from changes of tools: the tool that is put down is pulled back
-further, and may be cooled to a *standby* temperature; the one that comes is heated, pushed forth
-again and primed. What a source does so is its `Practice`, what a machine file says goes before
-it. Where neither says anything nothing is done. Where heads stand idle is found in
+**Idle heads.** A head of several waits for others. Its hot end is hot meanwhile, and filament under
+pressure seeps out. Slicers know this from changes of tools: the tool that is put down is pulled
+back further, and may be cooled to a *standby* temperature; the one that comes is heated, pushed
+forth again and primed. What a source does so is its `Practice`, what a machine file says goes
+before it. Where neither says anything nothing is done. Where heads stand idle is found in
 `decmcts.print.stands`.
 
-The lines with which the files of several heads signal and wait, as a controller has them.
-
-What is in braces is filled in: {number} of the sync point, the same in all files; {head}, the
-place (from 1) of the file whose head gives it; {count}, how many signals that head has given by
-then, this one included; {level}, 1 and 0 in turn with the count, for an output that changes.
+**Sync words** are the lines with which the files of several heads signal and wait. What is in
+braces is filled in: {number} of the sync point, the same in all files; {head}, the place (from 1)
+of the file whose head gives it; {count}, how many signals that head has given by then, this one
+included; {level}, 1 and 0 in turn with the count, for an output that changes.
 """
 
 from __future__ import annotations

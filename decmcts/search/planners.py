@@ -3,12 +3,10 @@
 This is the composition root of the search: it runs a planner on a problem until the
 search is to end, and prices toolpaths. Each planner lives in a module of its own.
 
-A planner that begins with another one, until what it needs itself is ready.
-
-On a computer where nothing is compiled yet the search begins with a planner that needs
-few kernels. When the kernels of the other planner are there, that one goes on from the
-best sequence with the time that is left. Phases of it whose share of the
-time has passed by then are left out.
+`Meanwhile` begins with another planner until what it needs itself is ready. On a computer where
+nothing is compiled yet the search begins with a planner that needs few kernels. When the kernels of
+the other planner are there, that one goes on from the best sequence with the time that is left.
+Phases of it whose share of the time has passed by then are left out.
 """
 
 from __future__ import annotations

@@ -3,9 +3,7 @@
 A head starts and ends at its park, never jumps between two actions, and stays within its
 reach.
 
-Actions cut into legs at the points other heads wait for.
-
-Where another head waits for a vertex of an action's path, the action is cut there: the
+**Legs.** Where another head waits for a vertex of an action's path, the action is cut there: the
 legs are joined end to end, one follows the other, and only the first waits for what the action
 waits for. Every wait then is for the end of a leg, so whatever is true of chains of actions
 (`sim.rules.order`, `sim.replay`) is true of chains of legs. Between two legs a head may rest as

@@ -3,10 +3,9 @@
 A plan says of every point of a piece where on which contour of the source it lies. Nothing of
 that is believed: places, filament and feeds are found anew from the source.
 
-How old the welds of a cut print are: what the plan says of them, and the limit it states.
-
-A contour's stretches are put in a row by where on it they lie. Where one ends and the next begins
-is a cut; what passes between the printing of both ends is the weld's age.
+**Welds**: how old they are, against what the plan states and its limit. A contour's stretches are
+put in a row by where on it they lie. Where one ends and the next begins is a cut; what passes
+between the printing of both ends is the weld's age.
 """
 
 from __future__ import annotations

@@ -3,9 +3,7 @@
 Looked at segment by segment, by where they lie: how the rest was found is not asked. A plan may
 be cut; its rest may have the contours whole, or any parts of them.
 
-Where on the segments of a print others lie: from which share of which segment to which.
-
-The print may be cut. Then parts of one segment that follow on are that segment again.
+The print itself may be cut. Then parts of one segment that follow on are that segment again.
 """
 
 from __future__ import annotations

@@ -6,11 +6,9 @@ stands, part of the head by part, and then its own bead is laid
 and one may be missed that is less deep than a cell at the edge of a part. Nobody lays a bead within
 a head that stands still: the other's nozzle would be there.
 
-What the moves of programs lay, and what a head may touch of it as it did when it was sliced.
-
-In its source's own order a head may go into a bead by the height of that bead (the ramp of a scarf
-seam beside its wall), and on one layer that is not flat deeper. So it may here, where the bead
-comes first in the source too.
+What a head touched when the print was sliced it may touch here. In its source's own order a head
+may go into a bead by the height of that bead (the ramp of a scarf seam beside its wall), and on one
+layer that is not flat deeper. So it may here, where the bead comes first in the source too.
 """
 
 from __future__ import annotations

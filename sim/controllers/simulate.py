@@ -2,7 +2,7 @@
 
 The first run has no error of time; all else that is reported of heads is of that one.
 
-The events of a simulated run, in the schema of all who carry prints out.
+A run is stated as events, in the schema of all who carry prints out.
 """
 
 from __future__ import annotations

@@ -6,23 +6,19 @@ are simulated; retraction, which is counted; and commands that set a state, in t
 own words, whose effect is compared bead by bead elsewhere. Comments and progress (M73) command
 nothing. Every other command is a fault, known or not.
 
-The judge's book of commands: what the source commands, the result commands.
-
-Both texts are read line by line, by a reading of the judge's own. A line commands what is left of
-it without its number, its checksum and its comments, in brackets or behind a semicolon. Words
-behind a comment in brackets command, as they do for firmwares that know such comments. A carriage
-return ends a line.
+**The book of commands**: what the source commands, the result commands. Both texts are read line by
+line, by a reading of the judge's own. A line commands what is left of it without its number, its
+checksum and its comments, in brackets or behind a semicolon. Words behind a comment in brackets
+command, as they do for firmwares that know such comments. A carriage return ends a line.
 
 Every command stands as often as in the source, but for those that other books keep: moves and
 filament (`sim.files.moves`, `sim.files.ledger`), how coordinates and filament are counted,
 progress, which is told anew, and what sets a state (`sim.files.settings` and, of heaters,
 `sim.files.temperatures`).
 
-Which lines of a file have to be looked at one by one: all the others are found at once.
-
-Nearly all lines of a file are plain moves or comments. Neither of these functions decides what a
-line commands. They only name the lines that whoever asks would pass over, so that the rest alone
-is read with regular expressions.
+**Lines.** Nearly all lines of a file are plain moves or comments. Neither of these functions
+decides what a line commands. They only name the lines that whoever asks would pass over, so that
+the rest alone is read with regular expressions.
 """
 
 from __future__ import annotations

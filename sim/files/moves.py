@@ -3,7 +3,7 @@
 Every extrusion of the source once, with its filament and feed, nothing else; in an order that its
 barriers allow; and the head, moved through the file, touches nothing printed before.
 
-Head against material on the moves of a one-head G-code file, start and end code included.
+Start and end code are included.
 """
 
 from __future__ import annotations

@@ -5,13 +5,12 @@ when it is laid there. Both files are read command by command. Behind a command 
 cool in a way of its own (a macro, a tool change, homing with a hot nozzle) a heater's target is not
 known: it is what that command left, the n-th of its kind in the file.
 
-Parts printed one by one that each go through the same temperatures.
-
-Slicers print the first layer hotter, and say so anew for each part. An order that prints the first
-layers of all parts, and then the rest, sets each temperature once. It may do so where the source
-sets nothing but temperatures between its epochs, comes down again wherever an earlier temperature
-is set again, and has them in one sequence. Whether each bead then has the temperatures it has in
-the source is judged by `sim.files.temperatures`.
+**Phases**: parts printed one by one each go through the same temperatures. Slicers print the first
+layer hotter, and say so anew for each part. An order that prints the first layers of all parts, and
+then the rest, sets each temperature once. It may do so where the source sets nothing but
+temperatures between its epochs, comes down again wherever an earlier temperature is set again, and
+has them in one sequence. Whether each bead then has the temperatures it has in the source is judged
+as ever.
 """
 
 from __future__ import annotations

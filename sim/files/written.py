@@ -5,11 +5,10 @@ extrusion occurs once, with the source's filament and feed, under the state and 
 retracted as there. The file waits where the plan waits, it hands over to the end G-code as the
 source does, and no written move touches the print.
 
-A source without its wipe tower, as the judge reads it where it was asked to be left out.
-
-The E word is taken out of each move in X or Y that pushes filament where the last comment on what
-is printed names a tower, or between the marks of a change of tools. What a plan printed besides is
-found missing or too much by everything that compares contours.
+A source can be read without its wipe tower. The E word is taken out of each move in X or Y that
+pushes filament where the last comment on what is printed names a tower, or between the marks of a
+change of tools. What a plan printed besides is found missing or too much by everything that
+compares contours.
 """
 
 from __future__ import annotations

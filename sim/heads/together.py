@@ -3,10 +3,9 @@
 Each file is read back and judged by itself (`sim.heads.one_file`). The sync points of all files
 together must order what the plan orders (`sim.heads.order`), so a single file proves nothing.
 
-Whether the words of heads' files do what the files count on.
-
-Known of controllers are a few things that make a signal come early, or never; each is looked for
-in the text (docs/gcode.md has the lines of their sources).
+The words of the files must do what the files count on. Known of controllers are a few things that
+make a signal come early, or never; each is looked for in the text (docs/gcode.md has the lines of
+their sources).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Heads in a row, as near to each other as they may be, from above and from the side.
 
-Where heads stand in a row as near to each other as they may: for the picture of a machine.
-
-With all tips at one height, on the bed's middle line along one axis. Nothing is drawn here.
+They stand with all tips at one height, on the bed's middle line along one axis. Nothing is drawn
+here.
 """
 
 from __future__ import annotations

@@ -2,10 +2,9 @@
 
 What moves is looked at as boxes around whole moves, which is more careful than exact.
 
-The beads of a joint plan, and from which move of a head on each may be there.
-
-At an action of the head every bead may be there that is not ordered after the action. So this
-holds for every timing. Actions are legs (`sim.content.paths`).
+Which beads may be there, for every timing: at an action of the head every bead may be there that is
+not ordered after the action. So this holds for every timing. Actions are legs
+(`sim.content.paths`).
 """
 
 from __future__ import annotations

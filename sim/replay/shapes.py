@@ -1,11 +1,9 @@
 """What meets: the convex parts of a head, and the beads of a print.
 
-The one typed wrapper of FCL: convex bodies, swept along straight moves.
-
-Only discrete `collide` and `distance` on conservatively swept shapes are used.
-FCL's `continuousCollide` misses contacts with its default request (two 40 mm
-boxes driven head-on returned "no contact"), so nothing here calls it; a
-regression test drives that very case.
+This is the one typed wrapper of FCL. Only discrete `collide` and `distance` on conservatively swept
+shapes are used. FCL's `continuousCollide` misses contacts with its default request (two 40 mm boxes
+driven head-on returned "no contact"), so nothing here calls it; a regression test drives that very
+case.
 """
 
 from __future__ import annotations

@@ -6,10 +6,7 @@ where that is less. Of the source's time only what it printed in between counts 
 the judge asks for no more than is due. Times are those of the judge's own motion model;
 retractions are no motion, and slicers set accelerations for single lines, so an action
 may take as long as the plan says within reason. Between several heads only the time
-counts that passes for every timing: along actions, waits and lags
-(`sim.rules.cooling`).
-
-The least time between what heads did and the begin of a leg, whatever the timing.
+counts that passes for every timing: along actions, waits and lags.
 
 A head may be slower than planned and may rest wherever it likes, but no leg takes less
 than its motion. So the least time from the end of one leg to the begin of another is the

@@ -1,12 +1,10 @@
 """Checking the order of a plan by all rules, and stating which rules those were.
 
-Composition only: each kind of edge is found anew in a module of its own.
-
-Whether what primes the nozzle comes first: skirt, brim, purge and prime lines.
-
-What the source begins an epoch with is found contour by contour, in the order of the file. The
-tolerances for "touching" are looser than the planner's, so that no plan is refused wrongly. Each
-bead of a wipe tower is an epoch of its own, so `sim.rules.precedence` keeps towers in place.
+Each kind of edge is found anew: precedence in `sim.rules.precedence`; here that what primes the
+nozzle comes first. What the source begins an epoch with is found contour by contour, in the order
+of the file. The tolerances for "touching" are looser than the planner's, so that no plan is refused
+wrongly. Each bead of a wipe tower is an epoch of its own, so `sim.rules.precedence` keeps towers in
+place.
 """
 
 from __future__ import annotations

@@ -3,15 +3,13 @@
 Any error leaves the file untouched and the exit code non-zero, so that the
 slicer aborts its export (PrusaSlicer, OrcaSlicer).
 
-Options whose file may be left out: `--report` alone, or `--report FILE`.
+`--report` and `--picture` may stand alone or with a file. A slicer puts the file it hands over
+behind the words of its script. So what follows such an option is its file only if it is named like
+one.
 
-A slicer puts the file it hands over behind the words of its script. So what follows such an
-option is its file only if it is named like one.
-
-The line that has a slicer call this program: its full path, quoted as the system needs it.
-
-PrusaSlicer and its kin hand the line to a shell, on Windows to the system. There the program is
-looked for under the name that stands first, so its whole path with `.exe` has to be there.
+`--show-line` prints the line that has a slicer call this program. PrusaSlicer and its kin hand the
+line to a shell, on Windows to the system. There the program is looked for under the name that
+stands first, so its whole path with `.exe` has to be there.
 """
 
 from __future__ import annotations

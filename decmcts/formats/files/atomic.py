@@ -3,10 +3,9 @@
 Nothing here knows what is in a file. A link is followed, so that it stays one;
 devices and pipes are refused: putting a file in their place would destroy them.
 
-Temporary folders that no killed run leaves for good.
-
-What ends in order removes its own. A kill can't: so each folder's name says which
-process made it, and every run removes those a day old whose process is gone.
+No killed run leaves temporary folders for good. What ends in order removes its own. A kill can't:
+so each folder's name says which process made it, and every run removes those a day old whose
+process is gone.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Compiling what a search needs before it begins, or letting another planner begin meanwhile.
 
-Tiny problems: searching them compiles the kernels that a real search needs.
+Searching tiny problems compiles the kernels that a real search needs.
 """
 
 from __future__ import annotations

@@ -2,15 +2,12 @@
 
 Why its value is a bound is proved in `decmcts.search.bounds.certificate`, which also
 looks for good prices. The arithmetic of prices lives in `decmcts.search.bounds.pricing_kernels`,
-sets that must be left often in `decmcts.search.bounds.relaxation`, travels of
-which an order uses one in `decmcts.search.bounds.exclusive_travels`.
+travels of which an order uses one in `decmcts.search.bounds.exclusive_travels`.
 
-The choices for each contour of a problem, and the points they begin and end at.
-
-Sets of contours that every order must leave several times.
-
-Where towers stand so near each other that the head must print them in turn, it must
-travel between them again and again. Bounds that look at single travels miss that.
+Here too are the choices for each contour of a problem, with the points they begin and end at,
+and the sets of contours that every order must leave several times (`crossings`): where towers
+stand so near each other that the head must print them in turn, it must travel between them
+again and again. Bounds that look at single travels miss that.
 """
 
 from __future__ import annotations

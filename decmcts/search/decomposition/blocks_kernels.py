@@ -1,10 +1,9 @@
 """The edges and near ports inside a window of a sequence, in numbers of its own.
 
-The best of several sequences, window by window.
-
-After a position at which two have printed the same contours, either may go on: what
-comes next is a permutation of the same contours in both, and each has what it needs
-printed before. So any choice of windows between such positions breaks no edge.
+Crossover takes the best of several sequences, window by window. After a position at which two have
+printed the same contours, either may go on: what comes next is a permutation of the same contours
+in both, and each has what it needs printed before. So any choice of windows between such positions
+breaks no edge.
 """
 
 from __future__ import annotations

@@ -14,12 +14,10 @@ After each round the results of all rounds so far are crossed (partition crossov
 `decmcts.search.decomposition.blocks.crossover`). Where layers follow each other strictly this
 takes the best result of each layer.
 
-A partition of one sequence among all threads, for prints too large for several starts.
-
-On the largest prints a layered start is annealed within layers first. Then come a fast
-annealing and a long one. The long one has long blocks while hot, when long moves decide the
-large structure, and many short ones while cold. Where there is time enough it ends early, to
-leave some for windows.
+**Partition**: prints too large for several starts are one sequence shared among all threads. On the
+largest prints a layered start is annealed within layers first. Then come a fast annealing and a
+long one. The long one has long blocks while hot, when long moves decide the large structure, and
+many short ones while cold. Where there is time enough it ends early, to leave some for windows.
 """
 
 from __future__ import annotations

@@ -11,10 +11,9 @@ References
 ----------
 Gambardella & Dorigo 2000 (moves).
 
-Windows of a sequence put in their best order, one after the other, exactly.
-
-Annealing leaves any few dozen contours that follow each other in a good order. Their best
-order is found in milliseconds (`decmcts.search.hybrid.windows_kernels`).
+**Windows** are put in their best order, exactly. Annealing leaves any few dozen contours that
+follow each other in a good order. Their best order is found in milliseconds
+(`decmcts.search.hybrid.windows_kernels`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """One search: what its phases share, and what one of them leaves to the next.
 
-What the search begins with: orders made by simple rules, and maybe one that goes by layers.
+It begins with orders made by simple rules, and maybe one that goes by layers.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ formula when a kernel is compiled, so the common case, plain points, costs
 nothing for the others. Whether a travel is bare takes a walk through walls: only
 travels that are neither short nor too long have it.
 
-Whether a sequence keeps precedence, and the longest travel there can be.
+Also here: whether a sequence keeps precedence, and the longest travel there can be.
 """
 
 from __future__ import annotations

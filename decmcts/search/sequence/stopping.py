@@ -1,6 +1,6 @@
 """When a search ends, and how much of it is over: one value, made once for the whole search.
 
-The temperatures of annealing, and when it ends.
+Annealing's temperatures follow from it.
 """
 
 from __future__ import annotations

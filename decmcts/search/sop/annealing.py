@@ -4,13 +4,11 @@ References
 ----------
 Luby, Sinclair & Zuckerman 1993, "Optimal speedup of Las Vegas algorithms".
 
-Annealing of a bare sequence by elites, where costs are no distances.
-
-The elites are the best sequences so far. Each annealing is short and begins hot. The near
-nodes it draws are those that follow in one of the elites, and the few cheapest. So steps
-that all elites share come back soon, and where elites differ the annealing decides. On
-problems with few precedences and random costs one long annealing ends well above this
-(docs/results/sop_ablation.md).
+**By elites**, where costs are no distances. The elites are the best sequences so far. Each
+annealing is short and begins hot. The near nodes it draws are those that follow in one of the
+elites, and the few cheapest. So steps that all elites share come back soon, and where elites differ
+the annealing decides. On problems with few precedences and random costs one long annealing ends
+well above this (docs/results/sop_ablation.md).
 
 References
 ----------

@@ -9,12 +9,11 @@ References
 ----------
 Karp 1979, "A patching algorithm for the nonsymmetric traveling-salesman problem".
 
-Branch and bound over assignments: exact where the assignment is nearly a sequence.
-
-An assignment of successors may be several cycles, or break precedence along a run
-of steps. Not all steps of such a cycle or run can be kept: each branch
-forbids one of them and keeps those before it. Best bound first. Strong where
-precedence is sparse and costs are unlike distances; hopeless elsewhere.
+**Branch and bound** over assignments is exact where the assignment is nearly a sequence. An
+assignment of successors may be several cycles, or break precedence along a run of steps. Not all
+steps of such a cycle or run can be kept: each branch forbids one of them and keeps those before it.
+Best bound first. Strong where precedence is sparse and costs are unlike distances; hopeless
+elsewhere.
 
 References
 ----------

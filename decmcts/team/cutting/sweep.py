@@ -1,9 +1,7 @@
 """The joint order of a sweep: strip by strip, all heads in step, layers there and back.
 
-The travels of a sweep made shorter: each head's run of pieces put in a better order.
-
-A *run* is what one head prints, one after the other, of one strip. Nothing leaves its run, so
-heads stay in step and as far apart as they were.
+Travels are made shorter run by run. A *run* is what one head prints, one after the other, of one
+strip. Nothing leaves its run, so heads stay in step and as far apart as they were.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Changes of a plan: the moves of the search over a head's plans.
 
-Changes of plans that say what is done otherwise than in the order heads begin with.
+Where heads begin with a sweep, plans state what is done otherwise than in it.
 """
 
 from __future__ import annotations

@@ -3,19 +3,15 @@
 Immutable; every agent builds it from the same inputs and compares the digest
 before it talks.
 
-Macro-actions: the pieces a head's plan is made of.
+**Macro-actions** are what a head's plan is made of. A part is a connected footprint on the bed.
+Each part's work is cut into chunks, in source order. Each chunk is cut again by the heads' shares
+of the machine in which its contours lie; such a piece is a macro-action. A plan says how much later
+than usual each macro-action comes, so plans stay short and messages small.
 
-A part is a connected footprint on the bed. Each part's work is cut into chunks, in
-source order. Each chunk is cut again by the heads' shares of the machine in which
-its contours lie; such a piece is a macro-action. A plan says how much later than
-usual each macro-action comes, so plans stay short and messages small.
-
-The part of the bed where heads on a rail hinder each other most.
-
-Heads on one rail keep a separation, so in a window as wide as m separations at most m
-heads can print. The bottleneck is the window with the most work for each of its m heads.
-Whenever fewer than m heads print there, the whole print ends later
-(`decmcts.team.bounds.makespan` has the proof).
+**Bottleneck.** Heads on one rail keep a separation, so in a window as wide as m separations at most
+m heads can print. The bottleneck is the window with the most work for each of its m heads. Whenever
+fewer than m heads print there, the whole print ends later (`decmcts.team.bounds.makespan` has the
+proof).
 """
 
 from __future__ import annotations

@@ -6,11 +6,10 @@ difference of their nozzles lies in one of a few boxes, the *relations* of the
 pair: one for every two bodies that could meet, and a half-space for a rail.
 `decmcts.team.engine.space` derives them so that "clear" here is never optimistic.
 
-What is left of a contour's space as its print goes on, on bare arrays.
-
-From a vertex on, a print needs only the space of the vertices still to come. Where
-that shrinks by a good deal another head can be let in: such a vertex begins a
-*piece*. A piece's space holds all later ones, so spaces of a print only shrink.
+**Pieces** are what is left of a contour's space as its print goes on. From a vertex on, a print
+needs only the space of the vertices still to come. Where that shrinks by a good deal another head
+can be let in: such a vertex begins a *piece*. A piece's space holds all later ones, so spaces of a
+print only shrink.
 """
 
 from __future__ import annotations

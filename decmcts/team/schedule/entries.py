@@ -6,12 +6,10 @@ chosen by dynamic programming (`decmcts.search.sequence.entries_kernels`), so th
 within it cost least. A head that travels less may make another wait, so they are taken window by
 window of the joint order, where the makespan falls. No sequence changes here.
 
-Loops entered so that a head releases first what the heads beside it want.
-
-A head releases its reserved space while it prints a contour, and holds longest the space where
-the contour ends. A loop ends where it begins. So where loops may begin anywhere their entries
-can be *biased*: all towards one end of the machine, or each towards the end at which its own
-head stands.
+**Biased** entries: a head is to release first what the heads beside it want. It releases its
+reserved space while it prints a contour, and holds longest the space where the contour ends. A loop
+ends where it begins. So where loops may begin anywhere their entries can be *biased*: all towards
+one end of the machine, or each towards the end at which its own head stands.
 """
 
 from __future__ import annotations

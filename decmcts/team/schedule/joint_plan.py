@@ -6,9 +6,7 @@ Safe means rules J1-J5 of docs/definitions.md.
 path, checked against whatever may be printed by then, and its nominal times.
 One head is a joint plan of one: same code. No search here.
 
-Units become actions: whole paths, waits and nominal times.
-
-The times follow from the partial order and the time model: each action begins when
+The nominal times follow from the partial order and the time model: each action begins when
 the one before it on its head, and those it comes after, have ended, and the head has
 started again where it has stopped (`decmcts.team.schedule.standing`).
 """

@@ -3,14 +3,12 @@
 Each head keeps its own height field of what may be printed by then: its own
 contours so far and, of every other head, all that is not ordered later.
 
-A height field of what is printed, and the lowest safe z of a straight travel over it.
-
-Cell values are tops of beads, widened by their radius (clearance + half the
-width). A cell that a widened bead touches takes the bead's top and a query
-takes every cell its swept slice touches, so a query is never lower than the
-definition "Blocked" in docs/definitions.md and at most about a cell's diagonal too
-careful. Above the cells stands a pyramid of maxima, FANOUT x FANOUT cells a
-step, so that a query opens only what can still raise its answer.
+The field gives the lowest safe z of a straight travel over what is printed. Cell values are tops of
+beads, widened by their radius (clearance + half the width). A cell that a widened bead touches
+takes the bead's top and a query takes every cell its swept slice touches, so a query is never lower
+than the definition "Blocked" in docs/definitions.md and at most about a cell's diagonal too
+careful. Above the cells stands a pyramid of maxima, FANOUT x FANOUT cells a step, so that a query
+opens only what can still raise its answer.
 """
 
 from __future__ import annotations

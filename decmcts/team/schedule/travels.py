@@ -4,9 +4,7 @@ A travel of head r must clear whatever *may* be printed by then in any timing
 the partial order allows: all contours of every head not ordered after it (J5).
 That set only grows along a head, so one height field a head is enough.
 
-Room for the heights of what is printed, by which travels lift clear of it.
-
-Schedulers route travels by the kernels of `decmcts.team.schedule.routes_kernels`.
+Travels are routed by the kernels of `decmcts.team.schedule.routes_kernels`.
 """
 
 from __future__ import annotations

@@ -3,12 +3,11 @@
 Walks the scanned lines once and keeps what a controller keeps: position, feed,
 absolute or relative axes, extruder value, retraction.
 
-Arcs opened into chords whose ends do not depend on how an arc is run or parted.
-
-The vertices of a circle stand at whole multiples of one angle, counted from the x axis, so
-an arc has the same vertices in both directions, and each part of an arc that is cut at a
-vertex has those of the whole. To make that true to the last bit, an arc is always
-calculated counter-clockwise from a centre on `CENTRE_GRID`.
+Arcs are opened into chords whose ends do not depend on how an arc is run or parted. The vertices of
+a circle stand at whole multiples of one angle, counted from the x axis, so an arc has the same
+vertices in both directions, and each part of an arc that is cut at a vertex has those of the whole.
+To make that true to the last bit, an arc is always calculated counter-clockwise from a centre on
+`CENTRE_GRID`.
 """
 
 from __future__ import annotations
