@@ -256,7 +256,7 @@ def agent(context: typer.Context) -> None:
 @app.command()
 def demo(
     folder: Annotated[Path, opt.basics("--out FOLDER", "Folder for the results")] = Path("out"),
-    time_limit: opt.TimeOption = 15.0,
+    time_limit: opt.TimeOption = 10.0,
     seed: opt.SeedOption = 0,
 ) -> None:
     """Plan the plate that ships with the project for two heads; leaves files to look at."""
