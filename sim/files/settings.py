@@ -185,16 +185,16 @@ def settings_of(text: bytes) -> SettingLines:
             sets = [("tool", tool)]
         elif of := _OBJECT.match(command):
             sets = [("object", "none" if of[1] else command.decode("latin-1"))]
-        elif (named := _FAN.match(command)) is not None:
-            sets = [_fan(named[1], named[2])]
-        elif (named := _SET.match(command)) is None:
-            continue
-        else:
+        elif fan := _FAN.match(command):
+            sets = [_fan(fan[1], fan[2])]
+        elif named := _SET.match(command):
             sets = list(_set_by(named[1].upper(), named[2], tool))
-        if command[:4].upper() == b"M220":
-            now = found["M220 S"][-1][1] if "M220 S" in found else "100"
-            kept = now if re.search(rb"B", named[2], re.I) else kept
-            sets = [("M220 S", kept), *sets] if re.search(rb"R", named[2], re.I) else sets
+            if named[1].upper() == b"M220":
+                now = found["M220 S"][-1][1] if "M220 S" in found else "100"
+                kept = now if re.search(rb"B", named[2], re.I) else kept
+                sets = [("M220 S", kept), *sets] if re.search(rb"R", named[2], re.I) else sets
+        else:
+            continue
         for name, value in sets:
             found.setdefault(name, []).append((line, value))
     for line, name, value in _labels(text):

@@ -280,4 +280,4 @@ def _ring(text: str, where: str, path: Path | str | None) -> list[list[float]]:
         fail(where, f"expected 'x,y;x,y;...', found {text!r}", path)
     if len(points) >= 3 and not shapely.LinearRing(points).is_ccw:
         points = points[::-1]
-    return points.tolist()
+    return [list(map(float, row)) for row in points]
