@@ -31,10 +31,12 @@ from cpu_time import WorkClock
 from effects import Effect, against_twins, told
 from in_process import less_percent, loaded, searched
 
-from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition import threads
+from decmcts.search.decomposition.blocks import Sequence, crossover
+from decmcts.search.hybrid import multistart, phases
 from decmcts.search.hybrid.multistart import Multistart, Partition
-from decmcts.search.hybrid.phases import Exact, Hybrid
-from decmcts.search.hybrid.search import LayeredStart
+from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.stopping import DESCENT_FROM
 
@@ -45,15 +47,25 @@ MODELS = (  # sizes in turn, so that a part of the runs has something of each
 SIZES = {"to 1000": 1000, "to 6000": 6000, "larger": 10**9}  # contours
 TWIN = 1000  # added to its seed
 
+
+@dataclass(frozen=True, slots=True)
+class NoPhase:
+    """In the place of a phase that is left out."""
+
+    def run(self, search: HybridSearch) -> Iterator[None]:
+        """Do nothing."""
+        search.incumbent.tick()
+        yield
+
+
 HYBRID = Hybrid()
+NO_PHASE: Any = NoPhase()
 SEVERAL, NEVER = HYBRID.multistart, Multistart(always=0, at_most=0)
-NO_EXACT, NO_LAYERS = Exact(share=0.0), LayeredStart(most_cost=0.0)
 ALONE = Partition(for_windows=math.inf)
 BARE = Hybrid(
-    exact=NO_EXACT,
-    layered=NO_LAYERS,
+    exact=NO_PHASE,
+    layered=NO_PHASE,
     multistart=Multistart(always=10**9, until=DESCENT_FROM),
-    crosses=False,
 )
 BARE_SEARCHED = replace(BARE, multistart=replace(BARE.multistart, until=SEVERAL.until))
 
@@ -85,12 +97,13 @@ class Variant:
     at_work: Callable[[int, float], bool] = anywhere  # of contours and seconds
     seams_only: bool = False
     chooses_entries: bool = True  # entries are chosen anew, all at once, when threads meet
+    crosses: bool = True  # results of threads are crossed; else the best is taken
 
 
 VARIANTS = {
     "hybrid": Variant("`hybrid`", HYBRID),
     "twin": Variant("its twin", HYBRID),
-    "no-exact": Variant("without exact solutions", replace(HYBRID, exact=NO_EXACT)),
+    "no-exact": Variant("without exact solutions", replace(HYBRID, exact=NO_PHASE)),
     "no-multistart": Variant(
         "without several starts: a partition", replace(HYBRID, multistart=NEVER), started
     ),
@@ -106,19 +119,25 @@ VARIANTS = {
         "without windows",
         replace(HYBRID, multistart=Multistart(until=DESCENT_FROM), partition=ALONE),
     ),
-    "no-crossover": Variant("without crossover", replace(HYBRID, crosses=False)),
-    "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_LAYERS), layered),
+    "no-crossover": Variant("without crossover", HYBRID, crosses=False),
+    "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_PHASE), layered),
     "no-settling": Variant(
         "entries by moves alone", HYBRID, seams_only=True, chooses_entries=False
     ),
     "one-thread": Variant("one thread", replace(HYBRID, threads=1)),
     "local": Variant("`local`", "local"),
-    "bare": Variant("bare", BARE),
-    "bare-exact": Variant("bare, exact solutions", replace(BARE, exact=HYBRID.exact)),
-    "bare-partition": Variant("bare, partition", replace(BARE, multistart=NEVER, partition=ALONE)),
-    "bare-windows": Variant("bare, windows", BARE_SEARCHED),
-    "bare-crossover": Variant("bare, crossover", replace(BARE, crosses=True)),
-    "bare-layers": Variant("bare, layered starts", replace(BARE, layered=HYBRID.layered)),
+    "bare": Variant("bare", BARE, crosses=False),
+    "bare-exact": Variant(
+        "bare, exact solutions", replace(BARE, exact=HYBRID.exact), crosses=False
+    ),
+    "bare-partition": Variant(
+        "bare, partition", replace(BARE, multistart=NEVER, partition=ALONE), crosses=False
+    ),
+    "bare-windows": Variant("bare, windows", BARE_SEARCHED, crosses=False),
+    "bare-crossover": Variant("bare, crossover", BARE),
+    "bare-layers": Variant(
+        "bare, layered starts", replace(BARE, layered=HYBRID.layered), crosses=False
+    ),
 }
 EXPLAINED = """\
 Figures are per cent of travel that a variant makes more than `hybrid`: above 0, what is left
@@ -151,8 +170,26 @@ def choosing_entries(wanted: bool) -> Iterator[None]:
         Sequence.choose_entries = usual  # type: ignore[method-assign]
 
 
+@contextmanager
+def crossing(wanted: bool) -> Iterator[None]:
+    """Let the best of sequences be taken in place of their crossover, within a `with`."""
+    places = (threads, multistart, phases)
+    for place in places if not wanted else ():
+        place.crossover = best_of  # type: ignore[attr-defined]  # no library option
+    try:
+        yield
+    finally:
+        for place in places:
+            place.crossover = crossover  # type: ignore[attr-defined]
+
+
+def best_of(found: list[Sequence]) -> Sequence:
+    """Return a copy of the cheapest."""
+    return min(found, key=lambda sequence: sequence.cost).copy()
+
+
 def run(key: dict[str, Any], variant: Variant) -> dict[str, Any]:
-    with choosing_entries(variant.chooses_entries):
+    with choosing_entries(variant.chooses_entries), crossing(variant.crosses):
         prepared, result = searched(
             key["model"], key["machine"], key["process"], key["freedom"], variant.planner,
             limit_s=key["limit_s"], seed=key["seed"] + (TWIN if key["variant"] == "twin" else 0),

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,11 @@ from sop_prints import print_like
 from decmcts.formats.bare.sop import read_sop
 from decmcts.planning.bare import compile_sop
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sop import annealing, joint, solver, threads, windows
+from decmcts.search.sop.annealing import ALL, SHARES, LubyAnnealer
 from decmcts.search.sop.annealing_kernels import Shares
 from decmcts.search.sop.solver import search_sop
-from decmcts.search.sop.threads import Parts
+from decmcts.search.sop.threads import BeamThread, SopThread, TwoThreads
 
 PRINTS = ("3 5 20 5 1", "4 5 50 10 2", "8 2 60 8 24", "10 6 30 5 27", "3 40 20 6 28")
 TSPLIB = ("ft53.2", "ry48p.2", "p43.1", "kro124p.2", "rbg050c")
@@ -33,17 +36,72 @@ FEW = ("100 0.5 4", "100 1 5", "100 3 6", "300 1 7")  # nodes, per cent of pairs
 KINDS = {"print-like": PRINTS, "TSPLIB": TSPLIB, "sparse": FEW}
 TWIN = 1000  # added to its seed
 
-VARIANTS = {
-    "all": ("all parts", Parts()),
-    "twin": ("its twin", Parts()),
-    "no-beams": ("without beam search", Parts(beams=False)),
-    "no-hand-over": ("beams keep their thread", Parts(hand_over=False)),
-    "no-tree": ("without branch and bound", Parts(tree=False)),
-    "no-elites": ("without elites", Parts(elites=False)),
-    "no-luby": ("elites alone", Parts(luby=False)),
-    "no-windows": ("without windows", Parts(windows=False)),
-    "no-near": ("no moves to near nodes", Parts(shares=Shares(0.0, 0.12))),
-    "no-reversals": ("no reversals", Parts(shares=Shares(0.7, 0.0))),
+
+class NoBeams(TwoThreads):
+    """Annealing in the place of beams."""
+
+    def _beams(self) -> SopThread:  # type: ignore[override]
+        return self._annealer(1)
+
+
+class NoHandOver(TwoThreads):
+    """Beams keep their thread."""
+
+    def _handed_over(
+        self, threads: list[SopThread], lead: float, *, cost_above: float
+    ) -> list[SopThread]:
+        after = super()._handed_over(threads, lead, cost_above=cost_above)
+        return [threads[0] if isinstance(threads[0], BeamThread) else after[0], after[1]]
+
+
+class NoTree(TwoThreads):
+    """Annealing in the place of branch and bound."""
+
+    def _tree(self) -> SopThread:  # type: ignore[override]
+        return self._annealer(0)
+
+
+class NoElites(TwoThreads):
+    """Luby's lengths alone, as where costs are distances."""
+
+    @property
+    def steps(self) -> annealing.NearSteps:
+        """Say that costs are distances."""
+        return replace(super().steps, are_distances=True)
+
+
+class ElitesAlone(TwoThreads):
+    """Elites alone, where costs are no distances."""
+
+    def _annealer(self, number: int) -> SopThread:  # type: ignore[override]
+        made = super()._annealer(number)
+        return made.annealers[1] if isinstance(made, threads.TurnsThread) else made
+
+
+class NoWindows(TwoThreads):
+    """The last annealing is as long as the time allows."""
+
+    def _annealer(self, number: int) -> SopThread:  # type: ignore[override]
+        made = super()._annealer(number)
+        if isinstance(made, LubyAnnealer):
+            made.last_share = ALL
+        return made
+
+    def _in_windows(self, thread: SopThread) -> SopThread:
+        return thread
+
+
+VARIANTS: dict[str, tuple[str, type[TwoThreads], Shares]] = {
+    "all": ("all parts", TwoThreads, SHARES),
+    "twin": ("its twin", TwoThreads, SHARES),
+    "no-beams": ("without beam search", NoBeams, SHARES),
+    "no-hand-over": ("beams keep their thread", NoHandOver, SHARES),
+    "no-tree": ("without branch and bound", NoTree, SHARES),
+    "no-elites": ("without elites", NoElites, SHARES),
+    "no-luby": ("elites alone", ElitesAlone, SHARES),
+    "no-windows": ("without windows", NoWindows, SHARES),
+    "no-near": ("no moves to near nodes", TwoThreads, Shares(0.0, 0.12)),
+    "no-reversals": ("no reversals", TwoThreads, Shares(0.7, 0.0)),
 }
 KEY = ("kind", "problem", "variant", "time_limit_s", "seed")
 
@@ -72,12 +130,15 @@ def problem(kind: str, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32
 
 def run(key: dict[str, Any]) -> dict[str, Any]:
     costs, pairs = problem(key["kind"], key["problem"])
+    _, chosen, shares = VARIANTS[key["variant"]]
+    places = [(place, "SHARES", shares) for place in (annealing, joint, windows)]
+    for place, name, value in [(solver, "TwoThreads", chosen), *places]:
+        setattr(place, name, value)  # no library option
     result = search_sop(
         costs,
         pairs,
         stopping=Stopping(2.0 * float(key["time_limit_s"])),
         seed=int(key["seed"]) + (TWIN if key["variant"] == "twin" else 0),
-        parts=VARIANTS[key["variant"]][1],
         clock=time.process_time,
     )
     return key | {
@@ -105,7 +166,7 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     found, seeds = effects(mine), ",".join(sorted({row["seed"] for row in mine}, key=int))
     lines = [
         [says, *(told_of(found.get((name, kind), [])) for kind in KINDS)]
-        for name, (says, _) in VARIANTS.items()
+        for name, (says, *_) in VARIANTS.items()
         if name not in ("all", "twin")
     ]
     said = setting(

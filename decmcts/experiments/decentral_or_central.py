@@ -68,18 +68,18 @@ class OneTree(DecMcts):
             self._joint = [self._values.starts[team].plans]
             self._tree = self._new_tree(np.zeros(1, np.int32))
         node = self._tree.descend()
-        plans = exchange_jointly(self.problem, self._joint[node], self._rng)
+        plans = exchange_jointly(self.problem, self._joint[int(node.plan[0])], self._rng)
         while self._rng.random() < 0.3:
             plans = exchange_jointly(self.problem, plans, self._rng)
-        self._joint.append(plans)
         child = self._tree.expand(node, np.array([len(self._joint)], np.int32))
+        self._joint.append(plans)
         makespan = self._values.makespan(plans, team)
         self._utilities.append(-makespan)
         low, high = float(np.median(self._utilities)), max(self._utilities)
         reward = max(0.0, -makespan - low) / (high - low) if high > low else 0.5
         self._tree.backup(child, reward)
 
-    _joint: list[Any] | None = None
+    _joint: list[Any] | None = None  # of each node; its plan is the place here
 
     def _combine(self, team: tuple[int, ...]) -> None:
         """Leave all to the tree."""

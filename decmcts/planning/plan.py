@@ -8,12 +8,11 @@ from decmcts.planning.compiling.child import compilation_reported, compiling_bes
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_one_head
-from decmcts.planning.options import RULES, SEARCH, AvoidWalls, Objective, Rules, Search
+from decmcts.planning.options import RULES, SEARCH, AvoidWalls, Rules, Search
 from decmcts.planning.problem.fewer_changes import beside_given, with_fewer_changes
 from decmcts.planning.problem.layer_by_layer import safe_problem
 from decmcts.planning.problem.source import Source, first_head
 from decmcts.planning.result import Result
-from decmcts.search.sequence.pace import pace_of
 
 
 @checked
@@ -76,10 +75,7 @@ def plan(
             advice="a tower is left out by `launch`, where each head has one tool",
         )  # fmt: skip
     one = first_head(source, report)
-    timed = search.objective == Objective.TIME
-    walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls
-    walls |= rules.avoid_walls == AvoidWalls.ALWAYS
-    parts = parts_for(search, rules.freedom, walls=walls)
+    parts = parts_for(search, rules.freedom, walls=rules.avoid_walls == AvoidWalls.ALWAYS)
     with compilation_reported(report) as reporting, compiling_beside(parts, reporting):
         one = with_fewer_changes(one, rules, reporting)
         problem = safe_problem(one, rules, reporting, make_safe=make_safe)

@@ -20,7 +20,6 @@ from decmcts.planning.compiling.begin import compile_search, row_of
 from decmcts.planning.compiling.parts import (
     PRINT,
     TEAM,
-    WALLS,
     all_parts,
     is_compiled,
     mark_compiled,
@@ -31,7 +30,6 @@ from decmcts.planning.options import NO_QUALITY, PlannerName, Search
 from decmcts.planning.problem.print_problem import load
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.plan import PlanDocument
-from decmcts.print.walls import outer_walls
 from decmcts.search.planners import PLANNERS
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
@@ -94,12 +92,8 @@ def compile_part(part: str) -> None:
 
 
 def _smallest_problem(part: str) -> OrderProblem:
-    pace = None
-    if WALLS in part or "on time" in part or "for time" in part:
-        job = smallest_job()
-        pace = pace_of(job, load_machine("mk4s").limits)
-        if WALLS in part:
-            pace = replace(pace, hop_s=1.0, bare_mm=100.0, walls=outer_walls(job.contours))
+    timed = "on time" in part or "for time" in part
+    pace = pace_of(smallest_job(), load_machine("mk4s").limits) if timed else None
     return replace(row_of(3, loops="seams free" in part), pace=pace)
 
 

@@ -24,7 +24,6 @@ FIRST_RUN_KERNELS = 65  # about so many does a first `plan` compile (docs/result
 PRINT = "reading, scheduling, writing and judging a print"
 TEAM = "several heads"
 
-WALLS = "travel past walls"  # a unit: mm or seconds, with a look at the walls between
 FIRST = "local"  # the planner a search begins with while the kernels of `hybrid` are compiled
 
 _config: Any = numba.config  # untyped
@@ -32,15 +31,6 @@ FOLDERS = [
     Path(cache_folder(SOURCES, FILES)),
     Path(cache_folder(Path(str(sim.replay.__file__)).parent)),
 ]
-
-
-def unit_of(*, seconds: bool, walls: bool) -> str:
-    """Name what is minimised: `travel`, `time`, or either `WALLS`.
-
-    `walls` tells whether what a travel costs depends on walls: the source leaves travels inside
-    them bare, or goes round them.
-    """
-    return WALLS if walls else "time" if seconds else "travel"
 
 
 def search_part(planner: str, unit: str, *, loops: bool) -> str:
@@ -54,19 +44,22 @@ def bound_part(unit: str) -> str:
 
 
 def parts_for(search: Search, freedom: Freedom, *, walls: bool = False) -> list[str]:
-    """Name the parts that planning for one head needs; a user's own planner has none."""
+    """Name the parts that planning for one head needs; a user's own planner has none.
+
+    `walls` tells whether travels that cross walls cost more: kernels are those for time then.
+    """
     named = isinstance(search.planner, PlannerName)
-    parts = parts_of(search.name, search.objective, freedom, walls=walls)
+    parts = parts_of(search.name, "time" if walls else search.objective, freedom)
     return parts if named else parts[1:]
 
 
-def parts_of(planner: str, objective: str, freedom: str, *, walls: bool = False) -> list[str]:
+def parts_of(planner: str, unit: str, freedom: str) -> list[str]:
     """Name the parts that planning for one head needs, in the order to compile them beside a run.
 
     `PRINT` comes after the first search and its bound: on an empty cache the run itself
-    compiles most of `PRINT` in the meantime. `walls` is as in `unit_of`.
+    compiles most of `PRINT` in the meantime.
     """
-    unit, loops = unit_of(seconds=objective == "time", walls=walls), freedom == "seam"
+    loops = freedom == "seam"
     begins = [FIRST, planner] if planner == "hybrid" else [planner]
     searches = [search_part(name, unit, loops=loops) for name in begins]
     return [searches[0], bound_part(unit), PRINT, *searches[1:]]
@@ -78,19 +71,16 @@ def part_of(problem: OrderProblem, planner: str) -> str:
 
 
 def unit_for(problem: OrderProblem) -> str:
-    """Name what is minimised in this problem."""
-    pace = problem.pace
-    return unit_of(seconds=pace is not None, walls=pace is not None and pace.looks_at_walls)
+    """Name what prices travels in this problem: `travel`, or `time`, also of mm round walls."""
+    return "travel" if problem.pace is None else "time"
 
 
 def all_parts() -> list[str]:
     """Name everything that is compiled ahead, what most runs need first."""
     parts = []
-    for objective, freedom in (("travel", "reversible"), ("time", "reversible"),
-                               ("travel", "seam"), ("time", "seam")):  # fmt: skip
-        parts += parts_of("hybrid", objective, freedom)
     for freedom in ("reversible", "seam"):
-        parts += parts_of("hybrid", "time", freedom, walls=True)
+        for unit in ("travel", "time"):
+            parts += parts_of("hybrid", unit, freedom)
     return [*dict.fromkeys(parts), TEAM]
 
 

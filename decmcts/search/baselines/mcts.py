@@ -23,13 +23,7 @@ from scipy.sparse.csgraph import connected_components
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import seeded
-from decmcts.search.baselines.mcts_kernels import (
-    Clustered,
-    Rollout,
-    new_tree,
-    simulate_many,
-    with_room,
-)
+from decmcts.search.baselines.mcts_kernels import Clustered, Rollout, new_tree, simulate_many
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import POLL_S, next_chunk
@@ -56,10 +50,9 @@ class Mcts:
         rollout, state = fresh_rollout(clustered), seeded(seed)
         tried = np.zeros(len(clustered.outer_preds), np.bool_)
         longest = incumbent.problem.longest_travel() * len(rollout.order)
-        tree, chunk = new_tree(min(1024, self.most_nodes)), 1
+        tree, chunk = new_tree(self.most_nodes), 1
         order, is_reversed, best = rollout.order.copy(), rollout.reversed.copy(), math.inf
         while not incumbent.over and not self._has_lost_patience(incumbent):
-            tree = with_room(tree, chunk, self.most_nodes)
             before, was = incumbent.seconds, best
             best = simulate_many(
                 tree, clustered, rollout, tried, state, self.exploration, longest, self.nearest,

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
 from decmcts.random_kernels import below, uniform
+from decmcts.search.sequence.greedy_kernels import nearest_ready
 from decmcts.search.sequence.metric_kernels import Metric, distance
 
 ROOT = 0
@@ -75,25 +76,6 @@ def reset(clustered: Clustered, rollout: Rollout) -> None:
 
 
 @kernel
-def _nearest(
-    metric: Metric,
-    reversible: NDArray[np.bool_],
-    local: NDArray[np.int32],
-    n_local: int,
-    at: int,
-) -> tuple[int, int, float]:
-    """Return slot, direction and distance of the nearest of the first `n_local` contours."""
-    slot, is_reversed, shortest = -1, 0, np.inf
-    for k in range(n_local):
-        c = local[k]
-        for f in range(2 if reversible[c] else 1):
-            d = 0.0 if at == NOWHERE else distance(metric, at, 2 * c + f)
-            if d < shortest or (d == shortest and c < local[slot]):
-                slot, is_reversed, shortest = k, f, d
-    return slot, is_reversed, shortest
-
-
-@kernel
 def _release(clustered: Clustered, rollout: Rollout, c: int, n_local: int) -> int:
     """Mutate the rollout for the printing of c; return how many of its cluster may be next."""
     h = clustered.label[c]
@@ -134,7 +116,7 @@ def nearest_cluster(clustered: Clustered, rollout: Rollout) -> int:
 def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
     """Mutate the rollout: print cluster h, which must be ready, nearest feasible first."""
     metric, reversible, local = clustered.metric, clustered.reversible, rollout.local
-    slot = 0
+    no_key, slot = np.empty(0), 0
     while rollout.ready[slot] != h:
         slot += 1
     rollout.tally[READY] -= 1
@@ -145,7 +127,8 @@ def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
             local[n_local] = clustered.members[x]
             n_local += 1
     while n_local > 0:
-        slot, f, d = _nearest(metric, reversible, local, n_local, rollout.tally[PORT])
+        at = rollout.tally[PORT]
+        slot, f, d = nearest_ready(metric, reversible, local, n_local, at, no_key, np.inf)
         c = local[slot]
         local[slot] = local[n_local - 1]
         n_local = _release(clustered, rollout, c, n_local - 1)
@@ -169,35 +152,13 @@ class ClusterTree(NamedTuple):
 
 
 def new_tree(capacity: int) -> ClusterTree:
-    """Return a tree of one node, the root."""
-    empty = np.full((5, capacity), NO_NODE, np.int32)
-    empty[4] = 0
-    visits, reward = np.zeros(capacity, np.int64), np.zeros(capacity)
+    """Return a tree of one node, the root; memory is taken as nodes are added."""
+    parent, cluster, first_child, sibling = np.empty((4, capacity), np.int32)
+    parent[ROOT] = cluster[ROOT] = first_child[ROOT] = NO_NODE
     return ClusterTree(
-        empty[0].copy(),
-        empty[1].copy(),
-        empty[2].copy(),
-        empty[3].copy(),
-        empty[4].copy(),
-        visits,
-        reward,
-        np.ones(1, np.int64),
-    )
-
-
-def with_room(tree: ClusterTree, more: int, most: int) -> ClusterTree:
-    """Return a tree with room for so many `more` nodes: itself, or a larger copy.
-
-    It never gets larger than `most` nodes; a full one goes on without growing.
-    """
-    size, capacity = int(tree.size[0]), len(tree.parent)
-    if capacity >= most or size + more <= capacity:
-        return tree
-    larger = new_tree(min(2 * capacity + more, most))
-    for name in ClusterTree._fields[:-1]:
-        getattr(larger, name)[:size] = getattr(tree, name)[:size]
-    larger.size[0] = size
-    return larger
+        parent, cluster, first_child, sibling, np.zeros(capacity, np.int32),
+        np.zeros(capacity, np.int64), np.zeros(capacity), np.ones(1, np.int64),
+    )  # fmt: skip
 
 
 @kernel
@@ -222,6 +183,7 @@ def expand(tree: ClusterTree, node: int, cluster: int) -> int:
     tree.size[0] += 1
     tree.parent[child] = node
     tree.cluster[child] = cluster
+    tree.first_child[child] = NO_NODE
     tree.sibling[child] = tree.first_child[node]
     tree.first_child[node] = child
     tree.n_children[node] += 1

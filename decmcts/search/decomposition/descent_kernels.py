@@ -9,10 +9,10 @@ from decmcts.search.sequence.anneal_kernels import (
     commit_reversal,
     commit_swap,
 )
+from decmcts.search.sequence.borrowed_kernels import borrowed
 from decmcts.search.sequence.entries_kernels import choose_entry, contour_of, near_row
 from decmcts.search.sequence.moves_kernels import (
     Tour,
-    borrowed_tour,
     carry_change,
     reversal_change,
     swap_change,
@@ -24,11 +24,10 @@ _GAIN = -1e-9  # mm; smaller gains are rounding
 @kernel
 def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
     """Mutate the tour by the first improving exchange that lets `at` follow p; return the gain."""
-    metric, order, is_reversed, after = tour.metric, tour.order, tour.reversed, tour.after
-    room = len(order) - at if at > p else p - at
+    room = len(tour.order) - at if at > p else p - at
     for length in range(1, min(room, longest) + 1):
         i, j, k = (p + 1, at, at + length) if at > p else (at, at + length, p + 1)
-        change = swap_change(metric, order, is_reversed, after, i, j, k)
+        change = swap_change(tour, i, j, k)
         if change < _GAIN:
             change = commit_swap(tour, i, j, k, change)
             if change < 0.0:
@@ -39,10 +38,8 @@ def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
 @kernel
 def _improve_reversals(tour: Tour, p: int, at: int) -> float:
     """Mutate the tour by the first improving reversal or carry of `at` to p; return the gain."""
-    metric, order, is_reversed = tour.metric, tour.order, tour.reversed
-    after, reversible = tour.after, tour.reversible
     if p < at <= p + LONGEST_REVERSAL:
-        change = reversal_change(metric, order, is_reversed, after, reversible, p + 1, at + 1)
+        change = reversal_change(tour, p + 1, at + 1)
         if change < _GAIN:
             change = commit_reversal(tour, p + 1, at + 1, change, _GAIN)
             if change < 0.0:
@@ -50,7 +47,7 @@ def _improve_reversals(tour: Tour, p: int, at: int) -> float:
     room = at - p - 1 if at > p else at + 1
     for length in range(1, min(room, LONGEST_REVERSAL) + 1):
         first = at + 1 - length
-        change = carry_change(metric, order, is_reversed, after, reversible, first, at + 1, p)
+        change = carry_change(tour, first, at + 1, p)
         if change < _GAIN:
             change = commit_carry(tour, first, at + 1, p, change, _GAIN)
             if change < 0.0:
@@ -65,14 +62,14 @@ def descend(tour: Tour, first: int, last: int, longest: int) -> float:
     Segments up to `longest` are exchanged. Each position is worked on until
     nothing improves there.
     """
-    gain, tour = 0.0, borrowed_tour(tour)
+    gain, tour = 0.0, borrowed(tour)
     for p in range(first, last):
         gain += choose_entry(tour, p)
         better = True
         while better:
             better = False
             c = tour.order[p]
-            near = tour.near[near_row(tour.reversed, tour.entry_id, tour.entry_row, c)]
+            near = tour.near[near_row(tour, c)]
             for x in range(len(near)):
                 if near[x] < 0:
                     continue

@@ -54,13 +54,6 @@ class Threads:
     pool: ThreadPoolExecutor
     states: list[NDArray[np.uint64]]  # (1,) each, mutated
     cutting: NDArray[np.uint64]  # (1,) mutated
-    crosses: bool = True  # whether results are crossed; else the best is taken
-
-    def join(self, found: list[Sequence]) -> Sequence:
-        """Return one sequence made of those found, no worse than any; they stay as they are."""
-        if self.crosses:
-            return crossover(found)
-        return min(found, key=lambda sequence: sequence.cost).copy()
 
     def steps(self, stopping: Stopping) -> float:
         """Return about how many steps each thread has time for in the whole search."""
@@ -71,11 +64,11 @@ class Threads:
 
 
 @contextmanager
-def open_threads(count: int, seed: int, *, crosses: bool = True) -> Iterator[Threads]:
+def open_threads(count: int, seed: int) -> Iterator[Threads]:
     """Yield `count` threads with unrelated generators."""
     states = [seeded(seed * (count + 1) + thread) for thread in range(count + 1)]
     with ThreadPoolExecutor(count) as pool:
-        yield Threads(pool, states[:count], states[count], crosses)
+        yield Threads(pool, states[:count], states[count])
 
 
 def anneal_sequences(
@@ -200,7 +193,7 @@ def anneal_blocks(
             for block in mine:
                 block.put_back(own)
         if whole:
-            sequence.become(threads.join(found))
+            sequence.become(crossover(found))
         if begun % lasting == 0:  # else the same blocks go on, with entries of their own
             sequence.choose_entries()
         sequence.offer_to(incumbent)

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.blocks import Sequence, crossover
 from decmcts.search.decomposition.threads import anneal_blocks, anneal_sequences
 from decmcts.search.hybrid.search import HybridSearch
 from decmcts.search.sequence.greedy import layer_runs
@@ -48,12 +48,6 @@ class Multistart:
     hot: float = 1.5
     mild: float = 0.7  # below this some of the start's structure stays
     cold: float = 0.03
-
-    def __post_init__(self) -> None:
-        if min(self.steps, self.most) < 1:
-            raise ValueError("steps and most: expected 1 or more")
-        if min(self.hot, self.mild, self.cold) <= 0.0:
-            raise ValueError("hot, mild and cold: expected more than 0")
 
     def suits(self, search: HybridSearch) -> bool:
         """Tell whether one whole sequence a thread is better than a partition of one among them."""
@@ -84,12 +78,12 @@ class Multistart:
                 incumbent, sequences, threads, schedules, until, groups=groups
             )
             ends += sequences
-            found = threads.join([search.best(), *ends])
+            found = crossover([search.best(), *ends])
             found.choose_entries()
             found.offer_to(incumbent)
             if layered is not None and len(sequences) > 1:
                 in_layers += sequences[0 if layered_won else 1 :]
-                layered = threads.join([layered, *in_layers])
+                layered = crossover([layered, *in_layers])
                 layered.choose_entries()
                 layered.offer_to(incumbent)
                 layered_won = layered_won or sequences[-1].cost < sequences[0].cost
@@ -135,10 +129,6 @@ class Partition:
     warm: float = 0.2  # below this the large structure stays
     cold: float = 0.03
 
-    def __post_init__(self) -> None:
-        if min(self.hot, self.warm, self.cold) <= 0.0:
-            raise ValueError("hot, warm and cold: expected more than 0")
-
     def affords_windows(self, search: HybridSearch) -> bool:
         """Tell whether, at the pace so far, there is time for windows."""
         incumbent = search.incumbent
@@ -183,7 +173,7 @@ class Partition:
         schedules = [search.schedule(self.hot, self.cold)] * len(sequences)
         groups = [layer_runs(incumbent.problem.layer)] * len(sequences)
         yield from anneal_sequences(incumbent, sequences, threads, schedules, until, groups=groups)
-        found = threads.join(sequences)
+        found = crossover(sequences)
         found.choose_entries()
         found.offer_to(incumbent)
         yield

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from decmcts.search.bounds.exact import WIDEST, Capacity, Patience, slack_of, solve_exactly
 from decmcts.search.bounds.ideals_kernels import Ideals
-from decmcts.search.decomposition.blocks import Sequence, cut
+from decmcts.search.decomposition.blocks import Sequence, crossover, cut
 from decmcts.search.decomposition.threads import (
     ROUND_S,
     Threads,
@@ -103,7 +103,7 @@ def improve_windows(
             WindowSolver.improve, solvers, repeat(incumbent), found, threads.states, repeat(ends)
         )
         total = sum(made)
-        sequence.become(threads.join(found))
+        sequence.become(crossover(found))
         sequence.choose_entries()
         sequence.offer_to(incumbent)
         incumbent.tick(total)
@@ -128,25 +128,24 @@ class Exact:
     """An exact solution, given up soon where it would take too long; times in shares."""
 
     probe: float = 0.15  # for finding out how long an exact solution would take
-    share: float = 0.75  # the longest it may take; 0: no exact solutions
+    share: float = 0.75  # the longest it may take
 
     def run(self, search: HybridSearch) -> Iterator[None]:
         """Solve the problem if it can be solved in time; then the search is over."""
-        incumbent = search.incumbent
-        if self.share > 0.0:
-            patience, widest = Patience(lambda: incumbent.spent, self.probe, self.share), WIDEST
-            if incumbent.stopping.iterations is not None:
-                widest = min(widest, 1 + int(self.probe * incumbent.stopping.iterations))
+        incumbent, widest = search.incumbent, WIDEST
+        patience = Patience(lambda: incumbent.spent, self.probe, self.share)
+        if incumbent.stopping.iterations is not None:
+            widest = min(widest, 1 + int(self.probe * incumbent.stopping.iterations))
 
-            def go_on(made: int, share: float) -> bool:
-                incumbent.tick(made)
-                return not incumbent.over and patience.lasts(share)
+        def go_on(made: int, share: float) -> bool:
+            incumbent.tick(made)
+            return not incumbent.over and patience.lasts(share)
 
-            optimum = solve_exactly(incumbent.problem, go_on, widest=widest)
-            if optimum is not None:
-                incumbent.offer(optimum.order, optimum.reversed, optimum.entry_id)
-                incumbent.prove(optimum.bound)
-                incumbent.finish()
+        optimum = solve_exactly(incumbent.problem, go_on, widest=widest)
+        if optimum is not None:
+            incumbent.offer(optimum.order, optimum.reversed, optimum.entry_id)
+            incumbent.prove(optimum.bound)
+            incumbent.finish()
         incumbent.tick()
         yield
 
@@ -196,7 +195,6 @@ class Hybrid:
     windows: Windows = field(default_factory=Windows)
     descent: Descent = field(default_factory=Descent)
     lagged: Lagged = field(default_factory=Lagged)  # where there are time lags
-    crosses: bool = True  # whether results of threads are crossed; else the best is taken
     threads: int = 2  # fixed, so that results do not depend on the machine
 
     def __post_init__(self) -> None:
@@ -207,7 +205,7 @@ class Hybrid:
         """Run the phases until the search is over, at the latest when no travel is left."""
         if len(incumbent.problem) < 2:
             return
-        with open_threads(self.threads, seed, crosses=self.crosses) as threads:
+        with open_threads(self.threads, seed) as threads:
             for _ in self._steps(HybridSearch(incumbent, threads)):
                 if incumbent.over:
                     break

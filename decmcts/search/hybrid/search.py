@@ -73,7 +73,7 @@ class Starts:
 class LayeredStart:
     """Whether annealing within layers is worth it, and from what."""
 
-    most_cost: float = 1.15  # of an order by layers, in costs of the best start; 0: never
+    most_cost: float = 1.15  # of an order by layers, in costs of the best start
 
     def run(self, search: HybridSearch) -> Iterator[None]:
         """Set the layered start: the best sequence if it goes by layers, else the nearest.
@@ -82,7 +82,7 @@ class LayeredStart:
         than `most_cost` times the best. There is none if there is but one layer.
         """
         group = layer_runs(search.incumbent.problem.layer)
-        if self.most_cost == 0.0 or group[-1] == 0:
+        if group[-1] == 0:
             return
         best = search.best()
         if (np.diff(group[best.order]) >= 0).all():

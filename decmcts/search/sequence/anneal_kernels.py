@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.compiled import kernel
+from decmcts.compiled import inlined, kernel
 from decmcts.random_kernels import below, length_up_to, uniform
 from decmcts.search.sequence.borrowed_kernels import borrowed
 from decmcts.search.sequence.entries_kernels import (
@@ -25,12 +25,11 @@ from decmcts.search.sequence.entries_kernels import (
     use_entry,
 )
 from decmcts.search.sequence.insertion_kernels import try_insertion
-from decmcts.search.sequence.metric_kernels import Metric, distance
+from decmcts.search.sequence.metric_kernels import distance
 from decmcts.search.sequence.moves_kernels import (
     Tour,
     apply_reversal,
     apply_swap,
-    borrowed_tour,
     carry_change,
     change_inside,
     is_unrelated,
@@ -60,20 +59,9 @@ REACH = 1.0  # temperatures by which a new travel may be longer than the one it 
 MOST = 16.0  # temperatures; no step of such a cost is ever taken
 
 
-@kernel
+@inlined
 def propose_follow(
-    metric: Metric,
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    is_reversed: NDArray[np.uint8],
-    after: NDArray[np.float64],
-    reversible: NDArray[np.bool_],
-    near: NDArray[np.int32],
-    entry_id: NDArray[np.int32],
-    entry_row: NDArray[np.int32],
-    entry_owner: NDArray[np.int32],
-    reach: float,
-    state: NDArray[np.uint64],
+    tour: Tour, reach: float, state: NDArray[np.uint64]
 ) -> tuple[int, int, int, int, int]:
     """Mutate `state`; return a move that lets a near contour follow a random one.
 
@@ -83,10 +71,11 @@ def propose_follow(
     loses nothing: of the travels a cheap move adds, one is about as short as the
     one that left the same contour, and every one of them has its proposal.
     """
-    n = len(order)
+    metric, order, position, is_reversed = tour.metric, tour.order, tour.position, tour.reversed
+    after, near, n = tour.after, tour.near, len(tour.order)
     p = below(state, n)
     c = order[p]
-    if reversible[c] and below(state, 4) == 0:
+    if tour.reversible[c] and below(state, 4) == 0:
         port = near[2 * c + is_reversed[c], below(state, near.shape[1])]
         if port < 0 or port >= 2 * n:
             return NOTHING, 0, 0, 0, -1
@@ -96,16 +85,16 @@ def propose_follow(
         if distance(metric, 2 * c + is_reversed[c], port) - after[order[at - 1]] > reach:
             return NOTHING, 0, 0, 0, -1
         return REVERSE, p, at, 0, -1
-    port = near[near_row(is_reversed, entry_id, entry_row, c), below(state, near.shape[1])]
+    port = near[near_row(tour, c), below(state, near.shape[1])]
     if port < 0:
         return NOTHING, 0, 0, 0, -1
-    d, entry = contour_of(port, n, entry_owner), -1
+    d, entry = contour_of(port, n, tour.entry_owner), -1
     at = position[d]
     if port >= 2 * n:
         entry = port - 2 * n
         if distance(metric, port_out(is_reversed, c), 2 * n + 2 * entry) - after[c] > reach:
             return NOTHING, 0, 0, 0, -1
-        if entry == entry_id[d]:
+        if entry == tour.entry_id[d]:
             entry = -1
         elif at == p + 1:
             return ENTER, at, 0, 0, entry
@@ -116,7 +105,7 @@ def propose_follow(
         return NOTHING, 0, 0, 0, -1
     wants_reversal = is_reversed[d] != port & 1
     if wants_reversal or (entry < 0 and below(state, 4) == 0):
-        if port != port_in_reversed(is_reversed, reversible, d):
+        if port != port_in_reversed(is_reversed, tour.reversible, d):
             return NOTHING, 0, 0, 0, -1
         if p < at <= p + LONGEST_REVERSAL and below(state, 2) == 0:
             return REVERSE, p + 1, at + 1, 0, -1
@@ -131,10 +120,10 @@ def propose_follow(
     length = length_up_to(state, room)
     if at > 0 and below(state, 2) == 0:
         left_alone = order[at - 1]
-        row = near_row(is_reversed, entry_id, entry_row, left_alone)
+        row = near_row(tour, left_alone)
         partner = near[row, below(state, near.shape[1])]
         if partner >= 0:
-            gap = position[contour_of(partner, n, entry_owner)] - at
+            gap = position[contour_of(partner, n, tour.entry_owner)] - at
             fits = partner >= 2 * n or is_reversed[partner >> 1] == partner & 1
             if fits and 0 < gap <= room:
                 length = gap
@@ -167,9 +156,7 @@ def commit_swap(tour: Tour, i: int, j: int, k: int, change: float) -> float:
 @kernel
 def commit_reversal(tour: Tour, i: int, k: int, change: float, slack: float) -> float:
     """Mutate the tour if the reversal is allowed and within slack; return the change."""
-    metric, order, is_reversed = tour.metric, tour.order, tour.reversed
-    after, reversible = tour.after, tour.reversible
-    change += change_inside(metric, order, is_reversed, after, reversible, i, k)
+    change += change_inside(tour, i, k)
     if change > slack or not reversal_allowed(tour, i, k):
         return 0.0
     apply_reversal(tour, i, k)
@@ -182,9 +169,7 @@ def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float
 
     Lags must be kept by the exchange alone too, before the segment is reversed.
     """
-    metric, order, is_reversed = tour.metric, tour.order, tour.reversed
-    after, reversible = tour.after, tour.reversible
-    change += change_inside(metric, order, is_reversed, after, reversible, i, k)
+    change += change_inside(tour, i, k)
     if change > slack or not is_unrelated(tour, i, k):
         return 0.0
     if p < i:
@@ -194,7 +179,7 @@ def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float
     if not swap_allowed(tour, left, middle, right):
         return 0.0
     apply_swap(tour, left, middle, right)
-    if not reversal_keeps(tour.lags, order, tour.position, to, to + k - i):
+    if not reversal_keeps(tour.lags, tour.order, tour.position, to, to + k - i):
         apply_swap(tour, left, left + right - middle, right)
         return 0.0
     apply_reversal(tour, to, to + k - i)
@@ -222,7 +207,7 @@ def step_to_entry(tour: Tour, kind: int, i: int, j: int, k: int, entry: int, sla
         if tour.position[d] == tour.position[c] + 1:
             return change
     else:
-        change = extra + swap_change(tour.metric, tour.order, tour.reversed, tour.after, i, j, k)
+        change = extra + swap_change(tour, i, j, k)
         if change <= slack and swap_allowed(tour, i, j, k):
             apply_swap(tour, i, j, k)
             return change
@@ -236,30 +221,25 @@ def anneal(tour: Tour, state: NDArray[np.uint64], temperature: float, proposals:
 
     `temperature` is in the metric's unit.
     """
-    tour, state = borrowed_tour(tour), borrowed(state)
-    metric, order, position, is_reversed = tour.metric, tour.order, tour.position, tour.reversed
-    after, reversible, near, n = tour.after, tour.reversible, tour.near, len(tour.order)
-    entry_id, entry_row, entry_owner = tour.entry_id, tour.entry_row, tour.entry_owner
+    tour, state = borrowed(tour), borrowed(state)
+    order, n = tour.order, len(tour.order)
     total, reach, most = 0.0, REACH * temperature, MOST * temperature
     for _ in range(proposals):
         entry = -1
         if below(state, ANY_ONE_IN) == 0:
             kind, i, j, k = propose_any(n, state)
-        elif len(entry_owner) > 0 and below(state, CHOOSE_ONE_IN) == 0:
+        elif len(tour.entry_owner) > 0 and below(state, CHOOSE_ONE_IN) == 0:
             i = below(state, n)
             if below(state, SLIDE_ONE_IN) > 0:
                 total += choose_entry(tour, i)
-            elif entry_id[order[i]] >= 0:
+            elif tour.entry_id[order[i]] >= 0:
                 first, last = tour.entry_offsets[order[i]], tour.entry_offsets[order[i] + 1]
                 entry, forward = first + below(state, last - first), below(state, 2) == 0
                 slack = -temperature * math.log(uniform(state))
                 total += slide_entries(tour, i, entry, forward, slack)
             continue
         else:
-            kind, i, j, k, entry = propose_follow(
-                metric, order, position, is_reversed, after, reversible, near, entry_id, entry_row,
-                entry_owner, reach, state,
-            )  # fmt: skip
+            kind, i, j, k, entry = propose_follow(tour, reach, state)
         if kind == NOTHING:
             continue
         change = 0.0
@@ -268,11 +248,11 @@ def anneal(tour: Tour, state: NDArray[np.uint64], temperature: float, proposals:
             total += step_to_entry(tour, kind, i, j, k, entry, slack)
             continue
         if kind == SWAP:
-            change = swap_change(metric, order, is_reversed, after, i, j, k)
+            change = swap_change(tour, i, j, k)
         elif kind == REVERSE:
-            change = reversal_change(metric, order, is_reversed, after, reversible, i, j)
+            change = reversal_change(tour, i, j)
         elif kind == CARRY:
-            change = carry_change(metric, order, is_reversed, after, reversible, i, j, k)
+            change = carry_change(tour, i, j, k)
         if change > most:
             continue
         slack = -temperature * math.log(uniform(state))

@@ -14,42 +14,55 @@ from typing import Any, TypeVar
 from numba import types
 from numba.extending import intrinsic, overload
 
-from decmcts.search.sequence.metric_kernels import Timed, TimedBare
-
 A = TypeVar("A")
+
+_NamedTuple: Any = types.BaseNamedTuple  # its own types leave out its fields
+_of_fields: Any = types.BaseTuple.from_types
+
+
+def _type_of(kind: Any) -> Any:
+    """Return the type of what is borrowed."""
+    if isinstance(kind, types.Array):
+        return kind.copy(readonly=False)
+    if isinstance(kind, _NamedTuple):
+        return _of_fields(tuple(map(_type_of, kind)), kind.instance_class)
+    return kind
+
+
+def _without_count(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Copy the descriptor of an array, or of all arrays of a named tuple, with no owner in it."""
+    if isinstance(kind, types.Array):
+        view = context.make_array(_type_of(kind))(context, builder, value)
+        view.meminfo, view.parent = view.meminfo.type(None), view.parent.type(None)
+        return view._getvalue()
+    if isinstance(kind, _NamedTuple):
+        views = [
+            _without_count(context, builder, field, builder.extract_value(value, k))
+            for k, field in enumerate(kind)
+        ]
+        return context.make_tuple(builder, _type_of(kind), views)
+    return value
 
 
 @intrinsic
-def _without_count(typing_context: Any, array: Any) -> Any:
-    """Copy the array's descriptor with no owner in it."""
+def _borrowed(typing_context: Any, given: Any) -> Any:
+    """Make a view of what is given."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        view = context.make_array(signature.return_type)(context, builder, arguments[0])
-        view.meminfo, view.parent = view.meminfo.type(None), view.parent.type(None)
-        return view._getvalue()
+        return _without_count(context, builder, given, arguments[0])
 
-    return array.copy(readonly=False)(array), generate
+    return _type_of(given)(given), generate
 
 
-def borrowed(array: A) -> A:
-    """Return a view of an array, or a metric of such views, without a count."""
-    return array
+def borrowed(given: A) -> A:
+    """Return a view of an array, or of a named tuple with arrays, without a count.
+
+    It is valid while what is given lives.
+    """
+    return given
 
 
 @overload(borrowed, strict=False)
-def _borrowed(array: Any) -> Any:
-    """Choose by type; plain Python has nothing to gain."""
-    if isinstance(array, types.Array):
-        return lambda array: _without_count(array)  # type: ignore[call-arg]
-    if getattr(array, "instance_class", None) is Timed:
-        return lambda array: Timed(
-            borrowed(array.points), array.speed, array.acceleration, array.z_speed,
-            array.z_acceleration, array.hop_s, array.free_mm,
-        )  # fmt: skip
-    if getattr(array, "instance_class", None) is TimedBare:
-        return lambda array: TimedBare(
-            borrowed(array.points), array.speed, array.acceleration, array.z_speed,
-            array.z_acceleration, array.hop_s, array.free_mm, array.bare_mm, array.climb_mm,
-            array.over, borrowed(array.walls),
-        )  # fmt: skip
-    return None
+def _compiled(given: Any) -> Any:
+    """Take the view; plain Python has nothing to gain."""
+    return lambda given: _borrowed(given)  # type: ignore[call-arg]

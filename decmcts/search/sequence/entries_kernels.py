@@ -10,22 +10,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.compiled import kernel
+from decmcts.compiled import inlined, kernel
 from decmcts.search.sequence.metric_kernels import Metric, distance, points_of
 from decmcts.search.sequence.moves_kernels import Tour, port_in, port_out, refresh
 
 LONGEST_SLIDE = 100  # contours
 
 
-@kernel
-def near_row(
-    is_reversed: NDArray[np.uint8],
-    entry_id: NDArray[np.int32],
-    entry_row: NDArray[np.int32],
-    c: int,
-) -> int:
+@inlined
+def near_row(tour: Tour, c: int) -> int:
     """Return the row of the near lists for the exit of contour c."""
-    return int(2 * c + 1 - is_reversed[c] if entry_id[c] < 0 else entry_row[entry_id[c]])
+    entry = tour.entry_id[c]
+    return int(port_out(tour.reversed, c) if entry < 0 else tour.entry_row[entry])
 
 
 @kernel

@@ -33,7 +33,7 @@ def _release(
 
 
 @kernel
-def _nearest_ready(
+def nearest_ready(
     metric: Metric,
     reversible: NDArray[np.bool_],
     ready: NDArray[np.int32],
@@ -41,22 +41,23 @@ def _nearest_ready(
     at: int,
     key: NDArray[np.float64],
     limit: float,
-) -> tuple[int, int]:
-    """Return the slot in `ready` and the direction nearest to port `at` with key <= limit, or -1.
+) -> tuple[int, int, float]:
+    """Return slot in `ready`, direction and distance of the nearest to port `at`; slot -1: none.
 
-    Equal distances go to the lower contour id, so the result does not depend on
-    the order of `ready`.
+    Only contours with key <= limit count; without a limit `key` may be empty. At -1 all are
+    near. Equal distances go to the lower contour id, so the result does not depend on the order
+    of `ready`.
     """
     slot, is_reversed, shortest = -1, 0, np.inf
     for k in range(n_ready):
         c = ready[k]
-        if key[c] > limit:
+        if limit < np.inf and key[c] > limit:
             continue
         for f in range(2 if reversible[c] else 1):
             d = 0.0 if at < 0 else distance(metric, at, 2 * c + f)
             if d < shortest or (d == shortest and c < ready[slot]):
                 slot, is_reversed, shortest = k, f, d
-    return slot, is_reversed
+    return slot, is_reversed, shortest
 
 
 @kernel
@@ -93,9 +94,9 @@ def greedy_order(
         floor = key[by_key[low]]
         if slab > 0.0:
             floor = np.floor(floor / slab) * slab
-        slot, f = _nearest_ready(metric, reversible, ready, n_ready, at, key, floor + buffer)
+        slot, f, _ = nearest_ready(metric, reversible, ready, n_ready, at, key, floor + buffer)
         if slot < 0:
-            slot, f = _nearest_ready(metric, reversible, ready, n_ready, at, key, np.inf)
+            slot, f, _ = nearest_ready(metric, reversible, ready, n_ready, at, key, np.inf)
         c = ready[slot]
         ready[slot] = ready[n_ready - 1]
         waiting[c] = -1

@@ -19,8 +19,10 @@ from numba import types
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from decmcts.compiled import kernel
+from decmcts.compiled import apart, kernel
 from decmcts.print.walls_kernels import SAME_Z_MM, Walls, bare, layer_at, over_either
+
+NO_WALLS = -1.0  # for `Timed.bare_mm` where prices depend on no walls
 
 
 @kernel
@@ -69,7 +71,11 @@ def longest_hop(points: NDArray[np.float64], reversible: NDArray[np.bool_]) -> f
 
 
 class Timed(NamedTuple):
-    """Travels priced in seconds: upright and across, each from rest to rest, and what is extra."""
+    """Travels priced in seconds: upright and across, each from rest to rest, and what is extra.
+
+    Those that the source leaves bare inside the part go without a hop, and those that cross
+    outer walls are dearer. With a speed of 1 and no ramps the price is in mm.
+    """
 
     points: NDArray[np.float64]  # (2n + 2m, 3) mm: the ends of n contours, then of m entries
     speed: float  # mm/s, level
@@ -78,23 +84,7 @@ class Timed(NamedTuple):
     z_acceleration: float  # mm/s²
     hop_s: float  # for retraction, lift and their undoing, where the travel is long
     free_mm: float  # up to this length (across and upright together) a travel goes without them
-
-
-class TimedBare(NamedTuple):
-    """Travels priced as `Timed`, but with a look at the outer walls of the part.
-
-    Those that the source leaves bare inside the part go without a hop, and those that cross
-    walls are dearer. With a speed of 1 and no ramps the price is in mm.
-    """
-
-    points: NDArray[np.float64]  # (2n + 2m, 3) mm: the ends of n contours, then of m entries
-    speed: float  # mm/s, level
-    acceleration: float  # mm/s²
-    z_speed: float  # mm/s, upright
-    z_acceleration: float  # mm/s²
-    hop_s: float
-    free_mm: float
-    bare_mm: float  # up to this length, level, travels inside the part go without a hop too
+    bare_mm: float  # up to this length, level, so do travels inside the part; NO_WALLS: none does
     climb_mm: float  # and may climb so far to the next layer
     over: float  # travels that cross walls take so many times their time more
     walls: Walls  # of the part
@@ -106,7 +96,7 @@ class Matrix(NamedTuple):
     costs: NDArray[np.float64]  # (n, n) from row to column
 
 
-Metric = NDArray[np.float64] | Timed | TimedBare | Matrix
+Metric = NDArray[np.float64] | Timed | Matrix
 # an array is (2n + 2m, 3) points, priced in mm
 
 
@@ -126,13 +116,6 @@ def _ramped(length: Any, speed: Any, acceleration: Any) -> Any:
 
 
 @register_jitable
-def _seconds(metric: Any, a: Any, b: Any) -> Any:
-    points = metric.points
-    dx, dy = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1]
-    return _paced(metric, math.sqrt(dx * dx + dy * dy), abs(points[a, 2] - points[b, 2]))
-
-
-@register_jitable
 def _moving(metric: Any, level: Any, rise: Any) -> Any:
     seconds = 0.0
     if level > 0.0:
@@ -143,38 +126,42 @@ def _moving(metric: Any, level: Any, rise: Any) -> Any:
 
 
 @register_jitable
-def _paced(metric: Any, level: Any, rise: Any) -> Any:
+def _seconds(metric: Any, a: Any, b: Any) -> Any:
+    points = metric.points
+    dx, dy = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1]
+    level, rise = math.sqrt(dx * dx + dy * dy), abs(points[a, 2] - points[b, 2])
     seconds = _moving(metric, level, rise)
+    if metric.bare_mm != NO_WALLS:
+        return seconds + _by_walls(metric, a, b, level, rise)
     return seconds + metric.hop_s if level + rise > metric.free_mm else seconds
 
 
-@register_jitable
-def _bare_seconds(metric: Any, a: Any, b: Any) -> Any:
-    points = metric.points
+@apart
+def _by_walls(metric: Timed, a: int, b: int, level: float, rise: float) -> float:
+    """Return what a travel takes beside moving, with a look at the walls."""
+    points, walls = metric.points, metric.walls
     ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
     bx, by, bz = points[b, 0], points[b, 1], points[b, 2]
-    dx, dy = ax - bx, ay - by
-    level, rise = math.sqrt(dx * dx + dy * dy), abs(az - bz)
-    seconds = _moving(metric, level, rise)
+    is_long = level + rise > metric.free_mm
     if metric.over > 0.0 and over_either(
-        metric.walls, layer_at(metric.walls, az), layer_at(metric.walls, bz), ax, ay, bx, by
+        walls, layer_at(walls, az), layer_at(walls, bz), ax, ay, bx, by
     ):
-        seconds += metric.over * _moving(metric, level, 0.0)
-        return seconds if level + rise <= metric.free_mm else seconds + metric.hop_s
-    if level + rise <= metric.free_mm:
-        return seconds
-    if level <= metric.bare_mm and bare(
-        metric.walls, metric.bare_mm, metric.climb_mm, ax, ay, az, bx, by, bz
+        more: float = metric.over * _moving(metric, level, 0.0)
+        return more + metric.hop_s if is_long else more
+    if not is_long or (
+        level <= metric.bare_mm
+        and bare(walls, metric.bare_mm, metric.climb_mm, ax, ay, az, bx, by, bz)
     ):
-        return seconds
-    return seconds + metric.hop_s
+        return 0.0
+    return metric.hop_s
 
 
 @register_jitable
 def _least(metric: Any, level: Any, rise: Any) -> Any:
+    seconds = _moving(metric, level, rise)
     if level <= metric.bare_mm and rise <= metric.climb_mm + SAME_Z_MM:
-        return _moving(metric, level, rise)
-    return _paced(metric, level, rise)
+        return seconds
+    return seconds + metric.hop_s if level + rise > metric.free_mm else seconds
 
 
 @register_jitable
@@ -188,8 +175,6 @@ def distance(metric: Metric, a: int, b: int) -> float:
         return float(_entry(metric, a, b))
     if isinstance(metric, Timed):
         return float(_seconds(metric, a, b))
-    if isinstance(metric, TimedBare):
-        return float(_bare_seconds(metric, a, b))
     return float(_length(metric, a, b))
 
 
@@ -200,8 +185,6 @@ def _distance(metric: Any, a: Any, b: Any) -> Any:
         return lambda metric, a, b: _length(metric, a, b)
     if getattr(metric, "instance_class", None) is Timed:
         return lambda metric, a, b: _seconds(metric, a, b)
-    if getattr(metric, "instance_class", None) is TimedBare:
-        return lambda metric, a, b: _bare_seconds(metric, a, b)
     if getattr(metric, "instance_class", None) is Matrix:
         return lambda metric, a, b: _entry(metric, a, b)
     return None
@@ -213,8 +196,6 @@ def price(metric: Metric, level: float, rise: float) -> float:
     Not of a matrix. It grows with both. A travel that may be bare is taken to be.
     """
     if isinstance(metric, Timed):
-        return float(_paced(metric, level, rise))
-    if isinstance(metric, TimedBare):
         return float(_least(metric, level, rise))
     return math.sqrt(level * level + rise * rise)
 
@@ -225,8 +206,6 @@ def _price(metric: Any, level: Any, rise: Any) -> Any:
     if isinstance(metric, types.Array):
         return lambda metric, level, rise: math.sqrt(level * level + rise * rise)
     if getattr(metric, "instance_class", None) is Timed:
-        return lambda metric, level, rise: _paced(metric, level, rise)
-    if getattr(metric, "instance_class", None) is TimedBare:
         return lambda metric, level, rise: _least(metric, level, rise)
     return None
 
@@ -236,41 +215,43 @@ def costs_the_same_back(metric: Metric, a: int, b: int) -> bool:
 
     A travel that climbs may be bare, one down never is. Not of a matrix.
     """
-    return not isinstance(metric, TimedBare) or bool(_is_level(metric, a, b))
+    return not isinstance(metric, Timed) or bool(_same_back(metric, a, b))
 
 
 @register_jitable
-def _is_level(metric: Any, a: Any, b: Any) -> Any:
+def _same_back(metric: Any, a: Any, b: Any) -> Any:
+    if metric.bare_mm == NO_WALLS:
+        return True
     return abs(metric.points[a, 2] - metric.points[b, 2]) <= SAME_Z_MM
 
 
 @overload(costs_the_same_back, strict=False)
 def _costs_the_same_back(metric: Any, a: Any, b: Any) -> Any:
     """Choose by the metric's type: there is nothing to look at but where travels may be bare."""
-    if getattr(metric, "instance_class", None) is TimedBare:
-        return lambda metric, a, b: _is_level(metric, a, b)
+    if getattr(metric, "instance_class", None) is Timed:
+        return lambda metric, a, b: _same_back(metric, a, b)
     return lambda metric, a, b: True
 
 
 def with_points(metric: Metric, points: NDArray[np.float64]) -> Metric:
     """Return the same price for other points, (2n + 2m, 3)."""
-    return metric._replace(points=points) if isinstance(metric, (Timed, TimedBare)) else points
+    return metric._replace(points=points) if isinstance(metric, Timed) else points
 
 
 def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
     """Return the price for other points, (2n + 2m, 3), as if all travels crossed walls."""
-    if isinstance(metric, TimedBare):
+    if isinstance(metric, Timed):
         longer = 1.0 + metric.over
-        return Timed(
-            points, metric.speed / longer, metric.acceleration / longer**2, metric.z_speed,
-            metric.z_acceleration, metric.hop_s, metric.free_mm,
+        return metric._replace(
+            points=points, speed=metric.speed / longer, over=0.0, bare_mm=NO_WALLS,
+            acceleration=metric.acceleration / longer**2,
         )  # fmt: skip
     return with_points(metric, points)
 
 
 def points_of(metric: Metric) -> NDArray[np.float64]:
     """Return the metric's points, (2n + 2m, 3). Not of a matrix."""
-    if isinstance(metric, (Timed, TimedBare)):
+    if isinstance(metric, Timed):
         return metric.points
     assert not isinstance(metric, Matrix)
     return metric
@@ -281,6 +262,6 @@ def _points_of(metric: Any) -> Any:
     """Choose the access for the metric's type."""
     if isinstance(metric, types.Array):
         return lambda metric: metric
-    if getattr(metric, "instance_class", None) in (Timed, TimedBare):
+    if getattr(metric, "instance_class", None) is Timed:
         return lambda metric: metric.points
     return None

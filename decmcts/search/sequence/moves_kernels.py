@@ -11,8 +11,8 @@ of others, each of those lies between them in the old sequence, hence in one of
 the two segments, and some stored edge crosses. Only the shorter segment is
 scanned (Gambardella & Dorigo 2000, SOP-3-exchange).
 
-Functions that price a proposal take the few arrays they need: passing a whole
-`Tour` costs more than the arithmetic. The rare accepted moves take the `Tour`.
+Functions that price a proposal are compiled into their callers: passing a whole `Tour` costs
+more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -22,12 +22,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.compiled import kernel
-from decmcts.search.sequence.borrowed_kernels import borrowed
+from decmcts.compiled import inlined, kernel
 from decmcts.search.sequence.metric_kernels import Metric, costs_the_same_back, distance
 from decmcts.search.sequence.timed_lags_kernels import (
     LagState,
-    borrowed_lags,
     retime,
     reversal_keeps,
     swap_keeps,
@@ -56,32 +54,6 @@ class Tour(NamedTuple):
     scratch: NDArray[np.int32]  # (n,)
     mark: NDArray[np.bool_]  # (n,) all False between moves
     lags: LagState  # between contours that lie on each other
-
-
-@kernel
-def borrowed_tour(tour: Tour) -> Tour:
-    """Return the tour with arrays that are not counted; valid while `tour` lives."""
-    return Tour(
-        borrowed(tour.metric),
-        borrowed(tour.reversible),
-        borrowed(tour.group),
-        borrowed(tour.pred_offsets),
-        borrowed(tour.preds),
-        borrowed(tour.succ_offsets),
-        borrowed(tour.succs),
-        borrowed(tour.near),
-        borrowed(tour.entry_offsets),
-        borrowed(tour.entry_owner),
-        borrowed(tour.entry_row),
-        borrowed(tour.entry_id),
-        borrowed(tour.order),
-        borrowed(tour.position),
-        borrowed(tour.reversed),
-        borrowed(tour.after),
-        borrowed(tour.scratch),
-        borrowed(tour.mark),
-        borrowed_lags(tour.lags),
-    )
 
 
 @kernel
@@ -115,17 +87,10 @@ def refresh(tour: Tour, i: int, k: int) -> None:
         tour.after[order[p]] = travel
 
 
-@kernel
-def swap_change(
-    metric: Metric,
-    order: NDArray[np.int32],
-    is_reversed: NDArray[np.uint8],
-    after: NDArray[np.float64],
-    i: int,
-    j: int,
-    k: int,
-) -> float:
+@inlined
+def swap_change(tour: Tour, i: int, j: int, k: int) -> float:
     """Return the cost change of exchanging [i, j) and [j, k). O(1)."""
+    metric, order, is_reversed, after = tour.metric, tour.order, tour.reversed, tour.after
     first, middle, last = order[i], order[j - 1], order[k - 1]
     change = distance(metric, port_out(is_reversed, last), port_in(is_reversed, first))
     change -= after[middle] + after[last]
@@ -250,17 +215,11 @@ def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
     refresh(tour, k - 1, k)
 
 
-@kernel
-def change_inside(
-    metric: Metric,
-    order: NDArray[np.int32],
-    is_reversed: NDArray[np.uint8],
-    after: NDArray[np.float64],
-    reversible: NDArray[np.bool_],
-    i: int,
-    k: int,
-) -> float:
+@inlined
+def change_inside(tour: Tour, i: int, k: int) -> float:
     """Return what reversing [i, k) changes inside it: 0 where all may be, but for bare climbs."""
+    metric, order, is_reversed, after = tour.metric, tour.order, tour.reversed, tour.after
+    reversible = tour.reversible
     change = 0.0
     for p in range(i, k - 1):
         a, b = order[p], order[p + 1]
@@ -272,17 +231,11 @@ def change_inside(
     return float(change)
 
 
-@kernel
-def reversal_change(
-    metric: Metric,
-    order: NDArray[np.int32],
-    is_reversed: NDArray[np.uint8],
-    after: NDArray[np.float64],
-    reversible: NDArray[np.bool_],
-    i: int,
-    k: int,
-) -> float:
+@inlined
+def reversal_change(tour: Tour, i: int, k: int) -> float:
     """Return the cost change of reversing [i, k) without what changes inside. O(1)."""
+    metric, order, is_reversed, after = tour.metric, tour.order, tour.reversed, tour.after
+    reversible = tour.reversible
     first, last = order[i], order[k - 1]
     change = -after[last]
     if i > 0:
@@ -325,21 +278,14 @@ def apply_reversal(tour: Tour, i: int, k: int) -> None:
     refresh(tour, i - 1, k)
 
 
-@kernel
-def carry_change(
-    metric: Metric,
-    order: NDArray[np.int32],
-    is_reversed: NDArray[np.uint8],
-    after: NDArray[np.float64],
-    reversible: NDArray[np.bool_],
-    i: int,
-    k: int,
-    p: int,
-) -> float:
+@inlined
+def carry_change(tour: Tour, i: int, k: int, p: int) -> float:
     """Return the cost change of moving [i, k) reversed to follow position p, outside it. O(1).
 
     As with `reversal_change`, what changes inside the segment is not counted.
     """
+    metric, order, is_reversed, after = tour.metric, tour.order, tour.reversed, tour.after
+    reversible = tour.reversible
     first, last, anchor = order[i], order[k - 1], order[p]
     change = distance(
         metric, port_out(is_reversed, anchor), port_in_reversed(is_reversed, reversible, last)

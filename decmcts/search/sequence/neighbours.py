@@ -9,20 +9,21 @@ from scipy.spatial import cKDTree
 from decmcts.search.sequence.neighbours_kernels import keep_possible
 from decmcts.search.sequence.problem import OrderProblem
 
+WIDTH, POOL = 10, 40
 LAYER_SCALE = 40.0  # heights count this much more: most contours far above or below must wait
 
 
-def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDArray[np.int32]:
-    """Return for each exit up to `width` entry ports near it, (2n + anchors, width), -1 padded.
+def near_ports(problem: OrderProblem) -> NDArray[np.int32]:
+    """Return for each exit up to `WIDTH` entry ports near it, (2n + anchors, WIDTH), -1 padded.
 
     Port 2c is the start of contour c and 2c + 1 its end; 2n + o is entry o of a loop
     that may be entered elsewhere. Of the entries only the anchors are listed, and
-    have rows (`Seams.rows`). The lists are drawn from the `pool` nearest; contours
+    have rows (`Seams.rows`). The lists are drawn from the `POOL` nearest; contours
     that precedence keeps from following are left out.
     """
     n = len(problem)
     if n == 0:
-        return np.full((0, width), -1, np.int32)
+        return np.full((0, WIDTH), -1, np.int32)
     scale, seams = np.array([1.0, 1.0, LAYER_SCALE]), problem.seams
     exits = entries = problem.ports() * scale
     usable = np.ones(2 * n, np.bool_)
@@ -34,12 +35,12 @@ def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDA
         exits = np.concatenate([exits, seams.leave[anchors] * scale])
         entries = np.concatenate([entries, seams.enter * scale])
     ids = np.concatenate([np.flatnonzero(usable), 2 * n + anchors])
-    k = min(pool, len(ids))
+    k = min(POOL, len(ids))
     _, index = cKDTree(entries[ids]).query(exits, k=np.arange(1, k + 1), workers=2)
     graph = problem.graph
     return keep_possible(
         ids[index],
-        width,
+        WIDTH,
         row_offsets,
         owner,
         problem.reversible,

@@ -22,10 +22,10 @@ from decmcts.print.walls import has_walls, no_walls
 from decmcts.print.walls_kernels import Walls
 from decmcts.search.sequence.entries_kernels import choose_visits
 from decmcts.search.sequence.metric_kernels import (
+    NO_WALLS,
     Matrix,
     Metric,
     Timed,
-    TimedBare,
     costliest,
     distance,
     longest_hop,
@@ -59,13 +59,6 @@ class Pace:
     def in_mm(walls: Walls, over: float) -> Pace:
         """Return what prices travels by their length, mm, and more so where they cross walls."""
         return Pace(1.0, _NO_RAMP, 1.0, _NO_RAMP, over=over, walls=walls, unit="mm")
-
-    def __post_init__(self) -> None:
-        rates = (self.speed, self.acceleration, self.z_speed, self.z_acceleration)
-        if not min(rates) > 0.0:
-            raise ValueError(f"speeds and accelerations {rates}: expected above 0")
-        if not (self.hop_s >= 0.0 and self.free_mm >= 0.0):
-            raise ValueError(f"hop {self.hop_s} s, free {self.free_mm} mm: expected 0 or more")
 
     @property
     def looks_at_walls(self) -> bool:
@@ -269,11 +262,10 @@ def _seams(contours: Contours, policy: SeamPolicy) -> Seams:
     )
 
 
-def _timed(points: NDArray[np.float64], pace: Pace) -> Timed | TimedBare:
-    timed = Timed(
+def _timed(points: NDArray[np.float64], pace: Pace) -> Timed:
+    looks = pace.looks_at_walls
+    return Timed(
         points, pace.speed, pace.acceleration, pace.z_speed, pace.z_acceleration, pace.hop_s,
-        pace.free_mm,
+        pace.free_mm, pace.bare_mm if looks else NO_WALLS, pace.climb_mm,
+        pace.over if looks else 0.0, pace.walls,
     )  # fmt: skip
-    if not pace.looks_at_walls:
-        return timed
-    return TimedBare(*timed, pace.bare_mm, pace.climb_mm, pace.over, pace.walls)

@@ -20,26 +20,11 @@ from decmcts.search.sequence.timed_lags_kernels import LagState, keeps_all, reti
 class TimedLags:
     """Time lags, and how long each contour takes, in the seconds of a search.
 
-    A path of edges leads from each contour to those over it. Raises ValueError if the
-    arrays are no such rows, or the source does not keep the lags.
+    A path of edges leads from each contour to those over it, and the source keeps the lags.
     """
 
     lags: Lags
     seconds: NDArray[np.float64]  # (n,) from the begin of each contour to that of the next
-
-    def __post_init__(self) -> None:
-        n, (offsets, below, due) = len(self.seconds), self.lags
-        if len(offsets) != n + 1:
-            raise ValueError(f"lags of {len(offsets) - 1} contours, times of {n}")
-        if not (len(below) == len(due) == offsets[-1] and (np.diff(offsets, prepend=0) >= 0).all()):
-            raise ValueError("the lags are no compressed rows")
-        if len(below) and not (below.min() >= 0 and below.max() < n):
-            raise ValueError(f"a lag after a contour that is not among the {n}")
-        for name, values in (("contour takes", self.seconds), ("lag lasts", due)):
-            if not (np.isfinite(values).all() and (values >= 0.0).all()):
-                raise ValueError(f"a {name} less than no time, or for ever")
-        if not self.keeps(np.arange(n, dtype=np.int32)):
-            raise ValueError("the source does not keep the lags itself")
 
     @staticmethod
     def kept_by_source(lags: Lags, seconds: NDArray[np.float64]) -> TimedLags:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.compiled import kernel
-from decmcts.search.sequence.borrowed_kernels import borrowed
 
 SHORT_S = 1e-6  # rounding
 
@@ -32,22 +31,6 @@ class LagState(NamedTuple):
     longest: float  # of `under_s`
     seconds: NDArray[np.float64]  # (n,) from the begin of each to that of the next
     begin: NDArray[np.float64]  # (n,) by contour; written
-
-
-@kernel
-def borrowed_lags(lags: LagState) -> LagState:
-    """Return the lags with arrays that are not counted; valid while `lags` lives."""
-    return LagState(
-        borrowed(lags.under_offsets),
-        borrowed(lags.under),
-        borrowed(lags.under_s),
-        borrowed(lags.over_offsets),
-        borrowed(lags.over),
-        borrowed(lags.over_s),
-        lags.longest,
-        borrowed(lags.seconds),
-        borrowed(lags.begin),
-    )
 
 
 @kernel

@@ -90,7 +90,6 @@ class Annealer:
     """
 
     bare: Bare
-    shares: Shares
     state: NDArray[np.uint64]  # (1,)
     cost: float = np.inf
     best: float = np.inf  # least cost seen where the temperature changes
@@ -127,7 +126,7 @@ class Annealer:
         if self.length:
             step = min(most, max(self.length // _STEPS, 1), self.length - self.done)
         last = len(self.bare.order) - 1
-        self.cost += anneal_bare(self.bare, self.shares, self.state, temperature, step, 0, last)
+        self.cost += anneal_bare(self.bare, SHARES, self.state, temperature, step, 0, last)
         self.done += step
         if self.cost < self.best:
             self.best, self._found = self.cost, self.bare.order.copy()

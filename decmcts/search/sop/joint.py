@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from decmcts.random_kernels import below, seeded
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import TemperatureSchedule
-from decmcts.search.sop.annealing import quenched
-from decmcts.search.sop.annealing_kernels import Bare, Shares, anneal_bare
+from decmcts.search.sop.annealing import SHARES, quenched
+from decmcts.search.sop.annealing_kernels import Bare, anneal_bare
 from decmcts.search.sop.windows import anneal_window, worse_at
 
 _HOT, _COLD = 2.0, 0.1  # first temperature and that before the quench, in scales
@@ -30,7 +30,6 @@ class JointAnnealing:
     """A sequence, its temperature, and which thread changes which positions of it."""
 
     bare: Bare
-    shares: Shares
     scale: float  # of temperatures
     state: NDArray[np.uint64]  # (1,) draws the cuts
     began: float  # budget spent when it began
@@ -39,16 +38,13 @@ class JointAnnealing:
     _best: float = np.inf
 
     @staticmethod
-    def of(
-        bare: Bare, shares: Shares, *, scale: float, seed: int, incumbent: Incumbent
-    ) -> JointAnnealing:
+    def of(bare: Bare, *, scale: float, seed: int, incumbent: Incumbent) -> JointAnnealing:
         """Go on from the incumbent, until the budget is spent."""
         bare.order[:] = incumbent.order
         bare.position[bare.order] = np.arange(len(bare.order))
         joint = JointAnnealing(
-            bare=bare, shares=shares, scale=scale, state=seeded(seed), began=incumbent.spent,
-            cost=incumbent.cost,
-        )  # fmt: skip
+            bare=bare, scale=scale, state=seeded(seed), began=incumbent.spent, cost=incumbent.cost
+        )
         for number in (0, 1):
             own = bare._replace(scratch=np.empty_like(bare.scratch))
             joint.sides.append(JointThread(joint, own, seeded(seed + number)))
@@ -98,14 +94,14 @@ class JointThread:
         joint = self.joint
         if spent < joint.ends:
             self.change += anneal_bare(
-                self.bare, joint.shares, self.state, joint.temperature(spent), quota,
+                self.bare, SHARES, self.state, joint.temperature(spent), quota,
                 self.first, self.last,
             )  # fmt: skip
             return quota
         made, worse = 0, worse_at(joint.scale, (spent - joint.ends) / (1.0 - joint.ends))
         while made < quota:
             proposals, change = anneal_window(
-                self.bare, joint.shares, self.state, joint.scale, worse, self.first, self.last
+                self.bare, self.state, joint.scale, worse, self.first, self.last
             )
             made += proposals
             self.change += change

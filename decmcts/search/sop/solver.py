@@ -34,7 +34,7 @@ from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.sop.assignment import Assignment, assign, patch_cycles
 from decmcts.search.sop.precedence import Precedence
-from decmcts.search.sop.threads import ALL_PARTS, Parts, TwoThreads
+from decmcts.search.sop.threads import TwoThreads
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,6 @@ def search_sop(
     *,
     stopping: Stopping,
     seed: int = 0,
-    parts: Parts = ALL_PARTS,
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[Progress], None] | None = None,
 ) -> SopResult:
@@ -83,8 +82,6 @@ def search_sop(
         sequences looked at and moves proposed, by both threads together.
     seed : int
         Of what is drawn at random.
-    parts : Parts
-        The searches that take part; only benchmarks leave some out.
     clock : Callable[[], float]
         Seconds; only differences matter.
     progress : Callable[[Progress], None] | None
@@ -113,7 +110,7 @@ def search_sop(
         report=progress,
         started=started,
     )
-    bound = _search(incumbent, numbered, assignment, seed, parts)
+    bound = _search(incumbent, numbered, assignment, seed)
     order = numbered.original[incumbent.order]
     return SopResult(
         order[order < n],
@@ -160,7 +157,7 @@ def _with_ends(n: int, pairs: NDArray[np.int32]) -> tuple[int, NDArray[np.int32]
 
 
 def _search(
-    incumbent: Incumbent, precedence: Precedence, assignment: Assignment, seed: int, parts: Parts
+    incumbent: Incumbent, precedence: Precedence, assignment: Assignment, seed: int
 ) -> float:
     """Spend the budget on the incumbent; return a proven lower bound."""
     costs = incumbent.problem.costs
@@ -173,4 +170,4 @@ def _search(
         return incumbent.cost if len(costs) <= 3 else assignment.bound
     whole = bool((costs == np.rint(costs)).all())
     least_gain = 0.5 if whole else 1e-9 * (1.0 + float(costs.max()))
-    return TwoThreads(incumbent, precedence, assignment, seed, least_gain, parts).run()
+    return TwoThreads(incumbent, precedence, assignment, seed, least_gain).run()

@@ -19,15 +19,12 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.metric_kernels import Matrix
 from decmcts.search.sequence.stopping import next_chunk
 from decmcts.search.sop.annealing import (
-    ALL,
     FIRST,
     LEAST,
-    SHARES,
     EliteAnnealer,
     LubyAnnealer,
     NearSteps,
 )
-from decmcts.search.sop.annealing_kernels import Shares
 from decmcts.search.sop.assignment import Assignment, AssignmentTree, assign
 from decmcts.search.sop.beam import Beam
 from decmcts.search.sop.joint import JointAnnealing, JointThread
@@ -47,23 +44,6 @@ _NEAR_ENOUGH = 0.08  # share by which the first annealing may lie above beams
 _ELITE_LEAD = 8  # times the lead, where elites are made of what beams found too
 _BEFORE_WINDOWS = 0.5  # share of what is left of the budget for a last, long annealing
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """What takes part in the search; what each brings: docs/results/sop_ablation.md."""
-
-    beams: bool = True
-    tree: bool = True
-    elites: bool = True  # else annealing by Luby's lengths alone
-    luby: bool = True  # else annealing by elites alone, where costs are no distances
-    hand_over: bool = True  # else beams keep their thread
-    windows: bool = True  # else the last annealing is as long as the time allows
-    joint: bool = True  # else large problems are searched like small ones
-    shares: Shares = SHARES  # kinds of proposals
-
-
-ALL_PARTS = Parts()
 
 
 @dataclass(slots=True)
@@ -198,7 +178,6 @@ class TwoThreads:
     assignment: Assignment
     seed: int
     least_gain: float  # costs differ by more than this
-    parts: Parts = ALL_PARTS
     _steps: NearSteps | None = None  # found for the first annealing
 
     def run(self) -> float:
@@ -219,22 +198,18 @@ class TwoThreads:
                 if changes and incumbent.spent >= changes[0][0]:
                     _, lead, gap = changes.pop(0)
                     threads = self._handed_over(threads, lead, cost_above=(1.0 + gap) * bound)
-                if self.parts.windows:
-                    threads = [self._in_windows(thread) for thread in threads]
+                threads = [self._in_windows(thread) for thread in threads]
 
     def _first_threads(self) -> list[SopThread]:
         """Return both threads: one long annealing of large problems, else beams and a tree."""
         large = len(self.costs) > _LARGEST_TREE
-        if large and self.parts.joint and self.steps.are_distances:
+        if large and self.steps.are_distances:
             joint = JointAnnealing.of(
-                self.steps.bare(self.costs, self.incumbent.problem.graph), self.parts.shares,
+                self.steps.bare(self.costs, self.incumbent.problem.graph),
                 scale=self.steps.scale, seed=2 * self.seed, incumbent=self.incumbent,
             )  # fmt: skip
             return list(joint.sides)
-        return [
-            self._beams() if self.parts.beams else self._annealer(1),
-            self._annealer(0) if large or not self.parts.tree else self._tree(),
-        ]
+        return [self._beams(), self._annealer(0) if large else self._tree()]
 
     @property
     def steps(self) -> NearSteps:
@@ -269,7 +244,7 @@ class TwoThreads:
         come near the beams. The tree stays while the cost is not above `cost_above`.
         """
         beams, other, cost = *threads, self.incumbent.cost
-        if isinstance(beams, BeamThread) and self.parts.hand_over:
+        if isinstance(beams, BeamThread):
             if isinstance(other, LubyAnnealer) and other.is_last and np.isfinite(lead):
                 cost, lead = other.first_cost, -_NEAR_ENOUGH
             elif isinstance(other, TurnsThread):
@@ -317,24 +292,24 @@ class TwoThreads:
         Where costs are no distances it goes by elites, and thread 0 by both.
         """
         steps, long, state = self.steps, number > 0, seeded(2 * self.seed + number)
-        shares, graph = self.parts.shares, self.incumbent.problem.graph
+        graph = self.incumbent.problem.graph
 
         def luby(last_share: float) -> LubyAnnealer:
             made = LubyAnnealer(
-                bare=steps.bare(self.costs, graph), shares=shares, state=state, scale=steps.scale,
-                long=long, last_share=last_share,
+                bare=steps.bare(self.costs, graph), state=state, scale=steps.scale, long=long,
+                last_share=last_share,
             )  # fmt: skip
             made.begin(self.incumbent, FIRST)
             return made
 
-        if steps.are_distances or not self.parts.elites:
-            return luby(_BEFORE_WINDOWS if self.parts.windows else ALL)
+        if steps.are_distances:
+            return luby(_BEFORE_WINDOWS)
         elites = EliteAnnealer(
-            bare=steps.bare(self.costs, graph), shares=shares, state=state, steps=steps,
+            bare=steps.bare(self.costs, graph), state=state, steps=steps,
             least_gain=self.least_gain, long=long,
         )  # fmt: skip
         elites.begin(self.incumbent, LEAST)
-        return elites if long or not self.parts.luby else TurnsThread((luby(0.0), elites))
+        return elites if long else TurnsThread((luby(0.0), elites))
 
 
 @dataclass(slots=True)

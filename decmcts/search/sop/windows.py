@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from decmcts.random_kernels import below, log_uniform, uniform
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import TemperatureSchedule
-from decmcts.search.sop.annealing import Annealer, LubyAnnealer, quenched
-from decmcts.search.sop.annealing_kernels import Bare, Shares, anneal_bare
+from decmcts.search.sop.annealing import SHARES, Annealer, LubyAnnealer, quenched
+from decmcts.search.sop.annealing_kernels import Bare, anneal_bare
 
 _NODES = (20, 300)  # of a window, log-uniform
 _HOT = (0.4, 1.0)  # first temperature in a window, in scales, log-uniform
@@ -34,7 +34,6 @@ def worse_at(scale: float, share: float) -> float:
 
 def anneal_window(
     bare: Bare,
-    shares: Shares,
     state: NDArray[np.uint64],
     scale: float,
     worse: float,
@@ -54,7 +53,7 @@ def anneal_window(
     step = max(_LENGTH * nodes // _STEPS, 1)
     for k in range(_STEPS):
         temperature = quenched(schedule, k / _STEPS)
-        rise += anneal_bare(bare, shares, state, temperature, step, at, at + nodes)
+        rise += anneal_bare(bare, SHARES, state, temperature, step, at, at + nodes)
     if rise > 0.0 and rise >= -worse * math.log(uniform(state)):
         bare.order[at : at + nodes + 1] = before
         bare.position[before] = np.arange(at, at + nodes + 1)
@@ -74,9 +73,8 @@ class WindowAnnealer(Annealer):
     def after(annealer: LubyAnnealer, incumbent: Incumbent) -> WindowAnnealer:
         """Take the place of an annealer, and go on from the incumbent."""
         windows = WindowAnnealer(
-            bare=annealer.bare, shares=annealer.shares, state=annealer.state,
-            scale=annealer.scale, began=incumbent.spent,
-        )  # fmt: skip
+            bare=annealer.bare, state=annealer.state, scale=annealer.scale, began=incumbent.spent
+        )
         windows._restart(incumbent)
         return windows
 
@@ -86,7 +84,7 @@ class WindowAnnealer(Annealer):
         made, last = 0, len(self.bare.order) - 1
         while made < quota:
             proposals, change = anneal_window(
-                self.bare, self.shares, self.state, self.scale, self._worse, 0, last
+                self.bare, self.state, self.scale, self._worse, 0, last
             )
             made += proposals
             self.cost += change

@@ -9,10 +9,10 @@ The bound is the largest of five:
 - what only one head can print.
 
 The time of a contour is what the fastest head that may print it needs, entered where that
-takes least (`.least_time`). Of one head alone it is less by what the head may save by not
-coming to rest at the contour's ends (`.run_on`). For several heads each contour also has
-its shares of the travels to and from it (`.least_travel`), but for the first and the last
-of a head. The chain counts no travel, since another head may print what comes next in it.
+takes least (`.least_time`), of one head alone at the contour's feeds. For several heads each
+contour also has its shares of the travels to and from it (`.least_travel`), but for the first
+and the last of a head. The chain counts no travel, since another head may print what comes next
+in it.
 
 Where heads release reserved space piece by piece (`release` "point") the bounds on a rail and of
 two heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
@@ -37,10 +37,10 @@ from decmcts.print.loops_kernels import SLIVER_MM
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
 from decmcts.search.bounds.chains_kernels import chain_behind
+from decmcts.team.bounds.least_time import choices, least_times
 from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.bounds.pair_bound import pair_bound
 from decmcts.team.bounds.rail_bound import RailUse, rail_bound
-from decmcts.team.bounds.run_on import choices, least_times, saved_by_running_on
 from decmcts.team.engine.order import MOST_PIECES, PIECE_MM
 from decmcts.team.engine.space import eligibility
 from decmcts.team.engine.spaces_kernels import cut_pieces
@@ -84,8 +84,7 @@ def makespan_bound(
     # by tool and reach alone: by boxes some head that fits would count as one that does not
     eligible = eligibility(job.contours, machine.heads)
     least = least_times(job, machine, eligible, entries)
-    saved = saved_by_running_on(job, machine, entries)
-    time, parts = np.maximum(least.contour - saved, 0.0), least.segment
+    time, parts = least.contour, least.segment
     serial, heads = float(time.sum()), len(machine.heads)
     shares = no_shares(len(time))
     if travel and heads > 1:

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.team.dec_mcts.parameters import Parameters
-from decmcts.team.dec_mcts.tree_kernels import step_distribution
 
 SMALLEST = 1e-6  # probability a candidate keeps
 RECENT = 10.0  # samples over which a mean is taken: the others change
@@ -32,13 +31,6 @@ class PlanDistribution:
 
     sequences: tuple[NDArray[np.int32], ...]  # plans, see decmcts.team.engine.plans
     probabilities: NDArray[np.float64]  # (len(sequences),) sums to 1
-
-    def __post_init__(self) -> None:
-        n = len(self.sequences)
-        if n == 0 or self.probabilities.shape != (n,):
-            raise ValueError(f"{self.probabilities.shape} probabilities for {n} sequences")
-        if not abs(float(self.probabilities.sum()) - 1.0) < 1e-3 or self.probabilities.min() < 0:
-            raise ValueError(f"probabilities {self.probabilities} do not sum to 1")
 
     @staticmethod
     def uniform(sequences: tuple[NDArray[np.int32], ...]) -> PlanDistribution:
@@ -77,6 +69,17 @@ class PlanDistribution:
         steps = step_distribution(self.probabilities, expected, beta, alpha)
         q = np.maximum(self.probabilities + steps, SMALLEST)
         return PlanDistribution(self.sequences, q / q.sum())
+
+
+def step_distribution(
+    q: NDArray[np.float64], expected: NDArray[np.float64], beta: float, alpha: float
+) -> NDArray[np.float64]:
+    """Return the steps -α·q·[(E f - E[f|x]) / β + H(q) + ln q], before normalisation.
+
+    `expected[x]` is E[f|x]; with E f = Σ q·expected the steps sum to zero.
+    """
+    log = np.log(np.maximum(q, np.finfo(q.dtype).tiny))  # 0·ln 0 is 0
+    return -alpha * q * ((q @ expected - expected) / beta - q @ log + log)
 
 
 class Candidates:

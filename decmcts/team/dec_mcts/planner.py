@@ -33,7 +33,7 @@ from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly, rearrange
 from decmcts.team.dec_mcts.parameters import SMALL_SHARE, Parameters
 from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.dec_mcts.polish import FEW, Polish
-from decmcts.team.dec_mcts.tree import ROOT, Tree
+from decmcts.team.dec_mcts.tree import Node, Tree
 from decmcts.team.engine.plans import (
     MOST_STATED,
     Changes,
@@ -214,7 +214,7 @@ class DecMcts:
         best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
         if self._begins_ahead(team):
             best = [self._as_begun()]
-        if rearranges(self.problem, best[0]) != rearranges(self.problem, self._tree.plans[ROOT]):
+        if rearranges(self.problem, best[0]) != rearranges(self.problem, self._tree.root.plan):
             self._tree = self._new_tree(best[0])
         self._own.renew(self._with_start(best, team))
 
@@ -280,21 +280,21 @@ class DecMcts:
             plans = exchange_jointly(self.problem, best.plans, self._rng)
         self._values.makespan(plans, team)
         if self._values.starts[team].makespan_s < best.makespan_s:
-            child = self._tree.expand(ROOT, plans[self.head])
+            child = self._tree.expand(self._tree.root, plans[self.head])
             self._tree.backup(child, self._reward(plans, team))
 
     def _combination(self, team: TeamHeads) -> dict[int, Plan]:
         """Draw one plan of each head's X̂."""
         return {**self._draw(team), self.head: self._own.distribution.sample(self._rng)}
 
-    def _child_plan(self, node: int, team: TeamHeads) -> Plan:
+    def _child_plan(self, node: Node, team: TeamHeads) -> Plan:
         """Return the plan of the next child: the best policies at the root, then exchanges."""
-        children = self._tree.children(node)
+        children = len(node.children)
         best = self._trials[team].best(ROOT_POLICIES)
-        begun = rearranges(self.problem, self._tree.plans[node])
-        if node == ROOT and children < len(best) and not begun:
+        begun = rearranges(self.problem, node.plan)
+        if node is self._tree.root and children < len(best) and not begun:
             return self._by_policy(self.head, best[children])
-        return self._exchange(self._tree.plans[node])
+        return self._exchange(node.plan)
 
     def _exchange(self, plan: Plan) -> Plan:
         return exchange(self.problem, self.head, plan, self._rng)

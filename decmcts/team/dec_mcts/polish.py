@@ -61,7 +61,9 @@ class Polish:
         self._heads = all_parked(n, self._fleet)
         self._units = new_units(8 * n + 64 * heads * (heads + 2))
         self._marks = _marks(n, self._heads)
-        self.began_s = self.makespan_s = self._finish(0)
+        self.began_s = self.makespan_s = finish(
+            0, self._joint, problem.visits, self._fleet, self._units, self._heads, self._marks
+        )
         self.best, self.best_s = stated, self.makespan_s
 
     def improve(self, windows: int) -> None:
@@ -134,10 +136,6 @@ class Polish:
     def _keep(self) -> None:
         if self.makespan_s < self.best_s:
             self.best, self.best_s = self._stated(), self.makespan_s
-
-    def _finish(self, begin: int) -> float:
-        args = (self._joint, self._problem.visits, self._fleet, self._units)
-        return float(finish(begin, *args, self._heads, self._marks))
 
 
 def _joint_of(stated: StatedOrder, heads: int) -> JointOrder:

@@ -7,7 +7,6 @@ Paths and exact times are `decmcts.team.schedule.joint_plan`'s.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,26 +23,10 @@ from decmcts.team.engine.carry_out_kernels import CONTRADICTED, SHUT_IN, Sequenc
 from decmcts.team.engine.joint_kernels import PLACES, Units, Visits
 from decmcts.team.engine.space import Workspaces, printing_times
 from decmcts.team.engine.spaces_kernels import Fleet, cut_pieces
-from decmcts.team.engine.waits_kernels import find_waits, first_later
+from decmcts.team.engine.waits_kernels import UnitOrder, find_waits, first_later
 
 PIECE_MM = 4.0  # a contour's next piece begins where the space still needed has shrunk by this
 MOST_PIECES = PLACES // 2  # of one contour
-
-
-@dataclass(frozen=True, slots=True)
-class UnitOrder:
-    """Units of all heads in the order they were placed, with their waits."""
-
-    head: NDArray[np.int32]  # (m,)
-    kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK
-    contour: NDArray[np.int32]  # (m,) -1 unless printed
-    target: NDArray[np.float64]  # (m, 3) where it ends
-    own: NDArray[np.int64]  # (m,) index within the head's units
-    rows: NDArray[np.int64]  # (heads, most) row of each head's k-th unit
-    counts: NDArray[np.int64]  # (heads,) units of each head
-    after: NDArray[np.int64]  # (m, heads) that head's unit to wait for; -1: none
-    point: NDArray[np.int32]  # (m, heads) vertex of it that must be passed; -1: its end
-    later: NDArray[np.int64]  # (m, heads) that head's first unit ordered after this one
 
 
 def visits_of(

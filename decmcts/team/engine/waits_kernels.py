@@ -168,41 +168,23 @@ def first_later(
     return later
 
 
-@kernel
-def earliest(
-    head: NDArray[np.int32],
-    own: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    after: NDArray[np.int64],
-    passing: NDArray[np.float64],
-    seconds: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """When each unit begins if all begin as early as their waits allow, (m,).
-
-    `passing` (m, heads): seconds from the begin of what is waited for until it is passed.
-    """
-    begin = np.zeros(len(seconds))
-    for row in range(len(seconds)):
-        if own[row] > 0:
-            before = rows[head[row], own[row] - 1]
-            begin[row] = begin[before] + seconds[before]
-        for s in range(after.shape[1]):
-            if after[row, s] != NONE:
-                waited = rows[s, after[row, s]]
-                begin[row] = max(begin[row], begin[waited] + passing[row, s])
-    return begin
-
-
-class UnitsWithWaits(NamedTuple):
-    """Units as they were placed, with their waits (`decmcts.team.engine.order.UnitOrder`)."""
+class UnitOrder(NamedTuple):
+    """Units of all heads in the order they were placed, with their waits."""
 
     head: NDArray[np.int32]  # (m,)
-    kind: NDArray[np.int8]  # (m,)
-    contour: NDArray[np.int32]  # (m,)
+    kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK
+    contour: NDArray[np.int32]  # (m,) -1 unless printed
+    target: NDArray[np.float64]  # (m, 3) where it ends
     own: NDArray[np.int64]  # (m,) index within the head's units
-    rows: NDArray[np.int64]  # (heads, most)
-    after: NDArray[np.int64]  # (m, heads)
-    point: NDArray[np.int32]  # (m, heads)
+    rows: NDArray[np.int64]  # (heads, most) row of each head's k-th unit
+    counts: NDArray[np.int64]  # (heads,) units of each head
+    after: NDArray[np.int64]  # (m, heads) that head's unit to wait for; NONE
+    point: NDArray[np.int32]  # (m, heads) vertex of it that must be passed; AT_END
+    later: NDArray[np.int64]  # (m, heads) that head's first unit ordered after this one
+
+    def of_head(self, r: int) -> NDArray[np.int64]:
+        """Return the rows of a head's units in its order."""
+        return self.rows[r, : self.counts[r]]
 
 
 class Rests(NamedTuple):
@@ -219,7 +201,7 @@ class Rests(NamedTuple):
 
 @kernel
 def last_below(
-    c: int, s: int, place: NDArray[np.int64], units: UnitsWithWaits, lags: Lags
+    c: int, s: int, place: NDArray[np.int64], units: UnitOrder, lags: Lags
 ) -> tuple[int, float]:
     """Index within head s of the last unit that prints what lies below c, and its lag; or NONE."""
     last, lag = NONE, 0.0
@@ -231,7 +213,7 @@ def last_below(
 
 
 @kernel
-def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: UnitsWithWaits) -> int:
+def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: UnitOrder) -> int:
     """First unit of a row's head, before it, at whose begin unit `last` of s has surely ended."""
     own = units.rows[units.head[row]]
     low, high = 0, units.own[row]
@@ -248,7 +230,7 @@ def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: Uni
 def rest_for(
     row: int, s: int, last: int, lag: float, worked: float, least: float,
     begin: NDArray[np.float64], done: NDArray[np.float64], ended: float,
-    sure: NDArray[np.int64], units: UnitsWithWaits, rests: Rests,
+    sure: NDArray[np.int64], units: UnitOrder, rests: Rests,
 ) -> float:  # fmt: skip
     """How long a unit rests before it begins, `lag` after unit `last` of head s has ended.
 
@@ -279,7 +261,7 @@ def rest_for(
 
 @kernel
 def let_cool(
-    units: UnitsWithWaits,
+    units: UnitOrder,
     passing: NDArray[np.float64],
     seconds: NDArray[np.float64],
     place: NDArray[np.int64],
@@ -287,10 +269,10 @@ def let_cool(
     least: float,
     step: float,
 ) -> tuple[NDArray[np.float64], Rests]:
-    """When each unit begins at the earliest, as `earliest`, and where heads rest for cooling.
+    """When each unit begins if all begin as early as their waits allow, and rests for cooling.
 
-    Rests are multiples of `step`, longer than `least`. `place` (n,) is the unit that prints
-    each contour.
+    `passing` (m, heads): seconds from the begin of what is waited for until it is passed. Rests
+    are multiples of `step`, longer than `least`. `place` (n,): the unit that prints each contour.
     """
     m, heads = units.after.shape
     most = len(lags.below) + 1

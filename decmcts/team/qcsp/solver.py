@@ -35,7 +35,6 @@ from decmcts.team.qcsp.solver_kernels import (
     CraneProblem,
     CraneSchedule,
     anneal_schedule,
-    copied,
     decode,
     find_loads,
 )
@@ -283,7 +282,7 @@ class _CraneSearch:
         makespan = thread.makespan()
         if makespan < self._makespan:
             self._makespan = makespan
-            self._best = copied(thread.schedule)
+            self._best = CraneSchedule._make(array.copy() for array in thread.schedule)
             self._history.append((self._seconds(), self._proposals, makespan))
         return makespan
 

@@ -71,38 +71,6 @@ class CraneSchedule(NamedTuple):
 
 
 @kernel
-def copied(schedule: CraneSchedule) -> CraneSchedule:
-    """Return the schedule with arrays of its own."""
-    return CraneSchedule(
-        schedule.order.copy(), schedule.crane.copy(), schedule.begin.copy(), schedule.end.copy(),
-        schedule.rightward.copy(), schedule.leftward.copy(), schedule.at.copy(),
-        schedule.free.copy(), schedule.load.copy(), schedule.left.copy(),
-    )  # fmt: skip
-
-
-@kernel
-def _borrowed_problem(problem: CraneProblem) -> CraneProblem:
-    """Return the problem with arrays that are not counted; valid while `problem` lives."""
-    return CraneProblem(
-        borrowed(problem.duration), borrowed(problem.bay), borrowed(problem.pred_offsets),
-        borrowed(problem.preds), borrowed(problem.succ_offsets), borrowed(problem.succs),
-        borrowed(problem.before), borrowed(problem.ready), borrowed(problem.start), problem.travel,
-        problem.spacing, problem.bays,
-    )  # fmt: skip
-
-
-@kernel
-def _borrowed_schedule(schedule: CraneSchedule) -> CraneSchedule:
-    """Return the schedule with arrays that are not counted; valid while `schedule` lives."""
-    return CraneSchedule(
-        borrowed(schedule.order), borrowed(schedule.crane), borrowed(schedule.begin),
-        borrowed(schedule.end), borrowed(schedule.rightward), borrowed(schedule.leftward),
-        borrowed(schedule.at), borrowed(schedule.free), borrowed(schedule.load),
-        borrowed(schedule.left),
-    )  # fmt: skip
-
-
-@kernel
 def _reset(problem: CraneProblem, schedule: CraneSchedule) -> None:
     """Mutate `schedule`: all cranes where they begin, nothing done."""
     schedule.rightward[:] = -np.inf
@@ -337,11 +305,7 @@ def anneal_schedule(
     cost of the best, whose order and cranes are `best`: that of least makespan, of
     equal ones the cheapest. `costs` are infinite at the first call.
     """
-    problem, schedule, state = (
-        _borrowed_problem(problem),
-        _borrowed_schedule(schedule),
-        borrowed(state),
-    )
+    problem, schedule, state = borrowed(problem), borrowed(schedule), borrowed(state)
     n, q = len(schedule.order), len(problem.ready)
     lists, missing = np.empty((q, n + 2), np.int32), np.empty(n, np.int32)
     order, crane = schedule.order.copy(), schedule.crane.copy()

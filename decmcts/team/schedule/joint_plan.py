@@ -14,7 +14,7 @@ started again where it has stopped (`decmcts.team.schedule.standing`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,9 @@ from decmcts.print.toolpath import Toolpath, entries_by_contour
 from decmcts.print.walls import walls_for
 from decmcts.team.engine.alone import hand_over
 from decmcts.team.engine.joint_kernels import UNIT_PARK, UNIT_PRINT
-from decmcts.team.engine.order import UnitOrder, order_of_job, require_complete
+from decmcts.team.engine.order import order_of_job, require_complete
 from decmcts.team.engine.space import build_space, fleet_of
-from decmcts.team.engine.waits_kernels import AT_END, earliest
+from decmcts.team.engine.waits_kernels import AT_END, UnitOrder
 from decmcts.team.schedule.standing import with_stops
 from decmcts.team.schedule.timing import ActionTimes, action_times
 from decmcts.team.schedule.travels import Paths, unit_travels
@@ -103,33 +103,29 @@ def join_actions(
     `entered` are the contours as their toolpaths enter them, `travels` the paths of units that
     do not print. Where something must cool the head rests where it is to print, until it may.
     """
+    mine_of = [order.of_head(r) for r in range(len(machine.heads))]
     all_actions = [
-        _untimed(entered, order, rows, travels, toolpath)
-        for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
+        _untimed(head.name, entered, order, rows, travels, toolpath)
+        for head, rows, toolpath in zip(machine.heads, mine_of, toolpaths, strict=True)
     ]
     times = [
         action_times(
-            job, machine.limits_of(head), actions.path, actions.offsets, actions.contour,
+            job, machine.limits_of(head), actions.path, actions.path_offsets, actions.contour,
             actions.reversed, actions.entry, rests=len(all_actions) > 1,
         ).slowed(head.pace)
         for head, actions in zip(machine.heads, all_actions, strict=True)
     ]  # fmt: skip
     seconds = np.zeros(len(order.head))
-    for rows, timed in zip(_rows(order), times, strict=True):
+    for rows, timed in zip(mine_of, times, strict=True):
         seconds[rows] = timed.seconds
-    passing = _passing(order, times)
-    if len(lags.below):
-        begin, rests = find_rests(order, passing, seconds, lags)
-    else:
-        begin = earliest(order.head, order.own, order.rows, order.after, passing, seconds)
-        rests = None
+    begin, rests = find_rests(order, _passing(order, times), seconds, lags)
     plan = JointPlan(
         tuple(
-            _head_actions(head.name, order, rows, actions, begin, seconds)
-            for head, rows, actions in zip(machine.heads, _rows(order), all_actions, strict=True)
+            replace(actions, begin_s=begin[rows], end_s=begin[rows] + seconds[rows])
+            for rows, actions in zip(mine_of, all_actions, strict=True)
         )
     )
-    plan = plan if rests is None else with_rests(plan, order, rests)
+    plan = with_rests(plan, order, rests) if len(lags.below) else plan
     return plan if len(machine.heads) < 2 else with_stops(plan, job, machine, times)
 
 
@@ -145,62 +141,33 @@ def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float
     return passing
 
 
-@dataclass(frozen=True, slots=True)
-class _Untimed:
-    """What one head does, without times."""
-
-    contour: NDArray[np.int32]  # (k,) NO_CONTOUR where it travels
-    reversed: NDArray[np.bool_]  # (k,)
-    entry: NDArray[np.int32]  # (k,)
-    path: NDArray[np.float64]  # (offsets[-1], 3)
-    offsets: NDArray[np.int64]  # (k + 1,)
-
-
-def _rows(order: UnitOrder) -> list[NDArray[np.int64]]:
-    """Return the units of each head in its order."""
-    return [order.rows[r, : order.counts[r]] for r in range(len(order.counts))]
-
-
 def _untimed(
+    name: str,
     entered: Contours,
     order: UnitOrder,
     rows: NDArray[np.int64],
     travels: Paths,
     toolpath: Toolpath,
-) -> _Untimed:
-    """Return contours and paths of one head's actions."""
+) -> HeadActions:
+    """Return the actions of one head, whose units are `rows`, all at time 0."""
     prints = order.kind[rows] == UNIT_PRINT
+    kind = np.where(order.kind[rows] == UNIT_PARK, ActionKind.PARK, ActionKind.TRAVEL)
     contour = np.full(len(rows), NO_CONTOUR, np.int32)
     contour[prints] = order.contour[rows[prints]]
     is_reversed, entry = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int32)
     is_reversed[prints], entry[prints] = toolpath.reversed, toolpath.entry
-    return _Untimed(
-        contour, is_reversed, entry, *_paths(entered, contour, is_reversed, rows, travels)
-    )
-
-
-def _head_actions(
-    name: str,
-    order: UnitOrder,
-    rows: NDArray[np.int64],
-    actions: _Untimed,
-    begin: NDArray[np.float64],
-    seconds: NDArray[np.float64],
-) -> HeadActions:
-    """Write down the actions of one head."""
-    kind = np.where(order.kind[rows] == UNIT_PARK, ActionKind.PARK, ActionKind.TRAVEL)
-    kind = np.where(actions.contour != NO_CONTOUR, ActionKind.PRINT, kind)
+    paths = _paths(entered, contour, is_reversed, rows, travels)
     waiting, head = np.nonzero(order.after[rows] >= 0)
     return HeadActions(
         head=name,
-        kind=kind.astype(np.int8),
-        contour=actions.contour,
-        reversed=actions.reversed,
-        entry=actions.entry,
-        path_offsets=actions.offsets,
-        path=actions.path,
-        begin_s=begin[rows],
-        end_s=begin[rows] + seconds[rows],
+        kind=np.where(prints, ActionKind.PRINT, kind).astype(np.int8),
+        contour=contour,
+        reversed=is_reversed,
+        entry=entry,
+        path_offsets=paths.offsets,
+        path=paths.points,
+        begin_s=np.zeros(len(rows)),
+        end_s=np.zeros(len(rows)),
         after_offsets=np.searchsorted(waiting, np.arange(len(rows) + 1)).astype(np.int64),
         after_head=head.astype(np.int32),
         after_action=order.after[rows[waiting], head].astype(np.int32),

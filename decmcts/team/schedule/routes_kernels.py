@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import Z_EPS, Centrelines, PackedHead, point_segment2
 from decmcts.team.engine.joint_kernels import UNIT_ASIDE, UNIT_PRINT
+from decmcts.team.engine.waits_kernels import UnitOrder
 
 FANOUT = 4
 EMPTY = -np.inf
@@ -222,19 +223,9 @@ class Bends(NamedTuple):
     offsets: NDArray[np.int64]  # (m + 1,) of each unit; printing ones have none
 
 
-class RoutedUnits(NamedTuple):
-    """Units of the joint plan, see decmcts.team.engine.order.UnitOrder."""
-
-    kind: NDArray[np.int8]  # (m,)
-    contour: NDArray[np.int32]  # (m,)
-    rows: NDArray[np.int64]  # (heads, most)
-    counts: NDArray[np.int64]  # (heads,)
-    later: NDArray[np.int64]  # (m, heads)
-
-
 @kernel
 def deposit_until(
-    s: int, first: int, last: int, units: RoutedUnits, beads: Centrelines, field: HeightField
+    s: int, first: int, last: int, units: UnitOrder, beads: Centrelines, field: HeightField
 ) -> None:
     """Add what head s prints in its units first..last - 1 to the field, in place."""
     for k in range(first, last):
@@ -246,7 +237,7 @@ def deposit_until(
 @kernel
 def travel_levels(
     r: int,
-    units: RoutedUnits,
+    units: UnitOrder,
     starts: NDArray[np.float64],
     goals: NDArray[np.float64],
     bends: Bends,

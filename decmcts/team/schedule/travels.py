@@ -3,8 +3,6 @@
 A travel of head r must clear whatever *may* be printed by then in any timing
 the partial order allows: all contours of every head not ordered after it (J5).
 That set only grows along a head, so one height field a head is enough.
-
-Travels are routed by the kernels of `decmcts.team.schedule.routes_kernels`.
 """
 
 from __future__ import annotations
@@ -22,14 +20,13 @@ from decmcts.print.machine import Machine
 from decmcts.print.walls import bare_pairs, retracted_paths
 from decmcts.print.walls_kernels import Walls
 from decmcts.team.engine.joint_kernels import UNIT_PRINT
-from decmcts.team.engine.order import UnitOrder
 from decmcts.team.engine.space import Workspaces
+from decmcts.team.engine.waits_kernels import UnitOrder
 from decmcts.team.schedule.routes_kernels import (
     EMPTY,
     FANOUT,
     Bends,
     HeightField,
-    RoutedUnits,
     deposit,
     travel_levels,
 )
@@ -63,11 +60,10 @@ def unit_travels(
     beads = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     alone = detours if len(machine.heads) == 1 else None
     bends = _bends(order, alone, starts, goals)
-    units = RoutedUnits(order.kind, order.contour, order.rows, order.counts, order.later)
     for r, head in enumerate(machine.heads):
         field = _field(job, machine)
         shape = pack_head(head)
-        travel_levels(r, units, starts, goals, bends, beads, field, shape, machine.lift_mm, level)
+        travel_levels(r, order, starts, goals, bends, beads, field, shape, machine.lift_mm, level)
     np.maximum(level, _hops(job, machine, order, walls, starts, goals, bends), out=level)
     return _paths(starts, goals, bends, level)
 
@@ -120,7 +116,7 @@ def _hop_of(job: PrintJob, order: UnitOrder) -> NDArray[np.float64]:
         return hops
     kinds = kinds_of_tools(job)
     for r in range(len(order.counts)):
-        mine = order.rows[r, : order.counts[r]]
+        mine = order.of_head(r)
         printed = np.flatnonzero(order.contour[mine] >= 0)
         if len(printed):
             ahead = np.minimum(np.searchsorted(printed, np.arange(len(mine))), len(printed) - 1)
@@ -132,7 +128,7 @@ def _starts(order: UnitOrder, space: Workspaces) -> NDArray[np.float64]:
     """Return where the head stands before each unit, (m, 3)."""
     starts = np.empty_like(order.target)
     for r in range(len(order.counts)):
-        mine = order.rows[r, : order.counts[r]]
+        mine = order.of_head(r)
         starts[mine[1:]] = order.target[mine[:-1]]
         starts[mine[:1]] = space.parks[r]
     return starts

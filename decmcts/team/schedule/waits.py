@@ -23,8 +23,7 @@ from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.motion import path_time, travel_feed
 from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions, JointPlan
-from decmcts.team.engine.order import UnitOrder
-from decmcts.team.engine.waits_kernels import Rests, UnitsWithWaits, let_cool
+from decmcts.team.engine.waits_kernels import Rests, UnitOrder, let_cool
 from decmcts.team.schedule.timing import action_times
 
 LIFT_MM = 2.0  # off the print while it cools
@@ -170,18 +169,15 @@ def find_rests(
     place = np.empty(len(lags.offsets) - 1, np.int64)
     printing = np.flatnonzero(order.contour >= 0)
     place[order.contour[printing]] = printing
-    rows = UnitsWithWaits(
-        order.head, order.kind, order.contour, order.own, order.rows, order.after, order.point
-    )
     found: tuple[NDArray[np.float64], Rests] = let_cool(
-        rows, passing, seconds, place, lags, LEAST_WAIT_S, STEP_S
+        order, passing, seconds, place, lags, LEAST_WAIT_S, STEP_S
     )
     return found
 
 
 def with_rests(plan: JointPlan, order: UnitOrder, rests: Rests) -> JointPlan:
     """Return the plan with the heads' rests as waits, and what they rest for."""
-    mine_of = [order.rows[r, : order.counts[r]] for r in range(len(order.counts))]
+    mine_of = [order.of_head(r) for r in range(len(order.counts))]
     resting = [rests.seconds[rows] > 0.0 for rows in mine_of]
     shifted = [np.arange(len(mine)) + np.cumsum(mine) for mine in resting]
     count = int(rests.used[0])

@@ -29,3 +29,5 @@ def test_of_a_planner_of_one_s_own_nothing_is_compiled_ahead() -> None:
     assert mine == [parts.bound_part("travel"), parts.PRINT]
     timed = Search(objective=Objective.TIME)
     assert parts.parts_for(timed, Freedom.SEAM)[0] == "local for time, seams free"
+    walls = parts.parts_for(Search(), Freedom.SEAM, walls=True)
+    assert walls[0] == "local for time, seams free"

@@ -18,7 +18,6 @@ from decmcts.search.baselines.mcts_kernels import (
     select,
     simulate,
     simulate_many,
-    with_room,
 )
 from decmcts.search.sequence.metric_kernels import longest_hop, respects
 from tests.search.problems import random_problem, tour_cost
@@ -98,17 +97,6 @@ def test_selection_is_ucb1() -> None:
     assert select(tree, ROOT, 1.0) == 2
 
 
-def test_growing_keeps_the_tree() -> None:
-    """The tree moves to larger arrays while it is searched."""
-    tree = new_tree(4)
-    tree.visits[ROOT], tree.cluster[ROOT] = 7, 3
-    larger = with_room(tree, 9, 100)
-    assert len(larger.parent) == 17
-    assert larger.visits[ROOT] == 7
-    assert larger.size[0] == 1
-    assert (larger.first_child == NO_NODE).all()
-
-
 def test_circular_clusters_become_one() -> None:
     """Clusters that wait for each other can never be printed one after the other."""
     problem = random_problem(1, 6, density=1.0)
@@ -142,15 +130,3 @@ def test_a_full_tree_goes_on() -> None:
     assert np.isfinite(best)
     assert tree.size[0] == 5
     assert tree.visits[ROOT] == 200
-
-
-def test_a_tree_grows_until_it_has_most_nodes() -> None:
-    """A full one was copied in every slice of the search, 150 MB each."""
-    tree = new_tree(16)
-    assert with_room(tree, 10, 100) is tree
-    larger = with_room(tree, 20, 100)
-    assert len(larger.parent) == 52
-    assert larger.size[0] == tree.size[0]
-    assert larger.parent[0] == tree.parent[0]
-    assert len(with_room(tree, 20, 40).parent) == 40
-    assert with_room(tree, 20, 16) is tree

@@ -132,7 +132,7 @@ def test_annealing_finds_nothing_better(apart: bool) -> None:
         return
     assert found is not None
     check(problem, found)
-    planner = Hybrid(exact=Exact(share=0.0))
+    planner = Hybrid(exact=Exact(probe=0.0))
     other = plan_order(problem, planner=planner, stopping=Stopping(iterations=2_000_000), seed=0)
     assert found.cost <= other.cost + 1e-9
     assert other.cost <= 1.2 * found.cost

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.search.decomposition.blocks import Sequence
-from decmcts.search.decomposition.threads import Threads, anneal_sequences, open_threads
+from decmcts.search.decomposition.blocks import Sequence, crossover
+from decmcts.search.decomposition.threads import anneal_sequences, open_threads
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.search import HybridSearch, LayeredStart
@@ -56,21 +56,18 @@ def test_stays_within_layers_once_that_is_ahead(
         )
         rounds.append(within)
 
-    join = Threads.join
-
-    def watched_join(threads: Threads, sequences: list[Sequence]) -> Sequence:
+    def watched_crossover(sequences: list[Sequence]) -> Sequence:
         assert len({id(sequence) for sequence in sequences}) == len(sequences)
         pools.append(len(sequences))
-        return join(threads, sequences)
+        return crossover(sequences)
 
     monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_sequences", watched)
-    monkeypatch.setattr(Threads, "join", watched_join)
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.crossover", watched_crossover)
     planner = Hybrid(layered=LayeredStart(most_cost=10.0), multistart=Multistart(steps=50.0))
     plan_order(problem, planner=planner, stopping=Stopping(iterations=400_000), seed=0)
     most = planner.multistart.most
     assert rounds == [[False, True], *[[ahead, True]] * (most - 1)]
     assert heats == [heats[0]] * most  # the best is better by then, but no cooler
-    pools = pools[: 2 * most]  # then come windows
     assert pools[::2] == [1 + 2 * (number + 1) for number in range(most)]
     assert pools[1::2] == [2 + (2 if ahead else 1) * number for number in range(most)]
 
@@ -104,13 +101,3 @@ def test_entries_of_loops_make_rounds_longer(loops: bool, expected: int) -> None
     problem = random_problem(5, 60, density=0.05)
     with search_of(with_loops(problem, 5) if loops else problem, 53_500) as search:
         assert Multistart(steps=100.0).rounds(search) == expected
-
-
-@pytest.mark.parametrize(
-    "options", [{"steps": 0.5}, {"most": 0}, {"hot": 0.0}, {"mild": 0.0},
-                {"cold": 0.0}],
-)  # fmt: skip
-def test_bad_settings_are_refused(options: dict[str, float]) -> None:
-    """Annealing divides by temperatures."""
-    with pytest.raises(ValueError, match=next(iter(options))):
-        Multistart(**options)  # type: ignore[arg-type]  # bad on purpose

@@ -93,7 +93,7 @@ def test_size_and_time_choose_the_phases(always: int, expected: str) -> None:
                 begun.append(type(phase).__name__)
                 yield phase
 
-    planner = Noted(exact=Exact(share=0.0), multistart=Multistart(always=always, at_most=1))
+    planner = Noted(exact=Exact(probe=0.0), multistart=Multistart(always=always, at_most=1))
     problem = random_problem(5, 60, density=0.05)
     plan_order(problem, planner=planner, stopping=Stopping(iterations=60_000), seed=0)
     assert " ".join(begun) == expected

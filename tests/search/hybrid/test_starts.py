@@ -56,7 +56,6 @@ def test_layers_are_tried_though_another_start_is_a_little_better(loops: bool) -
     best = layered_start(search, 0.1)
     assert best is not None
     assert (best.order == incumbent.order).all()
-    assert layered_start(search, 0.0) is None
 
 
 def test_there_is_none_within_a_single_layer() -> None:

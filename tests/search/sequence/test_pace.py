@@ -70,12 +70,6 @@ def test_travel_goes_across_and_upright_one_after_the_other():
     assert distance(near.metric(), 0, 2) == pytest.approx(due - 0.25)
 
 
-def test_impossible_paces_are_refused():
-    """Zero speed would never arrive."""
-    with pytest.raises(ValueError, match="above 0"):
-        Pace(100.0, 1000.0, 0.0, 100.0)
-
-
 @pytest.mark.slow
 def test_a_search_for_time_finds_no_more_seconds_than_one_for_travel():
     """On the same problem, what is minimised must be no worse for being minimised."""

@@ -8,7 +8,7 @@ import pytest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import seeded
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.annealing import SHARES, EliteAnnealer, Elites, NearSteps
+from decmcts.search.sop.annealing import EliteAnnealer, Elites, NearSteps
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.solver import search_sop
 
@@ -53,7 +53,7 @@ def test_a_thread_keeps_precedence_and_knows_what_its_sequence_costs() -> None:
     steps = NearSteps.of(mine, mine, precedence.possible)
     graph = DependencyGraph.from_pairs(30, precedence.pairs)
     thread = EliteAnnealer(
-        bare=steps.bare(mine, graph), shares=SHARES, state=seeded(0), steps=steps, least_gain=0.5,
+        bare=steps.bare(mine, graph), state=seeded(0), steps=steps, least_gain=0.5,
         long=False,
     )  # fmt: skip
     thread.take(thread.bare.order.copy(), cost_of(mine, thread.bare.order))

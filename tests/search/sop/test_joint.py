@@ -12,10 +12,9 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop import threads
-from decmcts.search.sop.annealing import SHARES, NearSteps
+from decmcts.search.sop.annealing import NearSteps
 from decmcts.search.sop.joint import JointAnnealing
 from decmcts.search.sop.solver import search_sop
-from decmcts.search.sop.threads import Parts
 from tests.search.sop.test_annealing import layered
 from tests.search.sop.test_elites import cost_of
 
@@ -29,7 +28,7 @@ def test_costs_and_precedence_hold_while_both_threads_work() -> None:
     began = incumbent.cost
     steps = NearSteps.of(costs, costs, precedence.possible)
     joint = JointAnnealing.of(
-        steps.bare(costs, graph), SHARES, scale=steps.scale, seed=1, incumbent=incumbent
+        steps.bare(costs, graph), scale=steps.scale, seed=1, incumbent=incumbent
     )
     sides = joint.sides
     order, pairs = joint.bare.order, precedence.pairs
@@ -50,13 +49,11 @@ def test_costs_and_precedence_hold_while_both_threads_work() -> None:
 
 def test_large_problems_of_distances_are_annealed_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Equal seeds give equal results, and a better one than beams in as many iterations."""
-    monkeypatch.setattr(threads, "_LARGEST_TREE", 100)
     precedence, costs = layered(12, 40, seed=3)
 
-    def found(*, joint: bool) -> float:
-        return search_sop(
-            costs, precedence.pairs, stopping=Stopping(None, 8_000_000), seed=2,
-            parts=Parts(joint=joint),
-        ).cost  # fmt: skip
+    def found(*, large: int) -> float:
+        monkeypatch.setattr(threads, "_LARGEST_TREE", large)
+        stopping = Stopping(None, 8_000_000)
+        return search_sop(costs, precedence.pairs, stopping=stopping, seed=2).cost
 
-    assert found(joint=True) == found(joint=True) < found(joint=False)
+    assert found(large=100) == found(large=100) < found(large=1000)

@@ -10,9 +10,10 @@ from decmcts.random_kernels import seeded
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.annealing import SHARES, LubyAnnealer, NearSteps
+from decmcts.search.sop import threads
+from decmcts.search.sop.annealing import ALL, LubyAnnealer, NearSteps
 from decmcts.search.sop.solver import search_sop
-from decmcts.search.sop.threads import Parts
+from decmcts.search.sop.threads import TwoThreads
 from decmcts.search.sop.windows import WindowAnnealer
 from tests.search.sop.test_annealing import layered
 from tests.search.sop.test_elites import cost_of
@@ -27,7 +28,7 @@ def thread(layers: int, contours: int, seed: int) -> tuple[WindowAnnealer, Incum
     incumbent.offer(np.arange(len(costs), dtype=np.int32), incumbent.reversed)
     steps = NearSteps.of(costs, costs, precedence.possible)
     before = LubyAnnealer(
-        bare=steps.bare(costs, graph), shares=SHARES, state=seeded(seed), scale=steps.scale,
+        bare=steps.bare(costs, graph), state=seeded(seed), scale=steps.scale,
         long=True,
     )  # fmt: skip
     return WindowAnnealer.after(before, incumbent), incumbent
@@ -75,17 +76,22 @@ def test_a_thread_far_behind_goes_on_from_the_incumbent() -> None:
 
 
 @pytest.mark.long
-def test_windows_after_a_long_annealing_find_more_than_a_longer_one() -> None:
+def test_windows_after_a_long_annealing_find_more_than_a_longer_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Where costs are distances: 19 462 and 19 533 in all."""
 
-    def found(*, windows: bool) -> float:
+    monkeypatch.setattr(TwoThreads, "_beams", lambda self: self._annealer(1))
+
+    def found() -> float:
         total = 0.0
         for seed in range(4):
             precedence, costs = layered(10, 40, seed=3 + seed)
-            total += search_sop(
-                costs, precedence.pairs, stopping=Stopping(None, 20_000_000), seed=seed,
-                parts=Parts(windows=windows, beams=False),
-            ).cost  # fmt: skip
+            stopping = Stopping(None, 20_000_000)
+            total += search_sop(costs, precedence.pairs, stopping=stopping, seed=seed).cost
         return total
 
-    assert found(windows=True) < found(windows=False)
+    in_windows = found()
+    monkeypatch.setattr(threads, "_BEFORE_WINDOWS", ALL)
+    monkeypatch.setattr(TwoThreads, "_in_windows", lambda self, thread: thread)
+    assert in_windows < found()

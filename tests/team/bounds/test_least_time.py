@@ -15,8 +15,8 @@ from decmcts.print.motion import contour_times
 from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.bounds.least_time import least_times
 from decmcts.team.bounds.makespan import makespan_bound
-from decmcts.team.bounds.run_on import least_times
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.engine.space import build_space

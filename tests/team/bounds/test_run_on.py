@@ -14,7 +14,6 @@ from decmcts.print.motion import job_times
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import makespan_bound
-from decmcts.team.bounds.run_on import saved_by_running_on
 from decmcts.team.schedule.joint_plan import schedule
 
 
@@ -43,25 +42,6 @@ def test_a_head_that_runs_on_does_not_beat_the_bound(
     rests = job_times(chosen.job, chosen.machine.limits).sum()
     assert bound <= plan.makespan_s
     assert gap_mm > 0.02 or plan.makespan_s < rests
-
-
-def test_nothing_is_saved_where_travels_are_retracted(case_of: Callable[..., Any]) -> None:
-    """Then contours begin and end at rest; and so they do between heads of a team."""
-    settings = ProcessSettings(travel_feed=120.0, retract_mm=0.8, retract_min_travel_mm=0.5)
-    far = row_of(case_of, 0.6, settings)
-    assert saved_by_running_on(far.job, far.machine)[1:].tolist() == [0.0] * 39
-    near = row_of(case_of, 0.4, settings)
-    assert saved_by_running_on(near.job, near.machine)[1:].min() > 0.0
-    team = case_of([(20, 10, 0.5), (21, 10, 0.5)], [(21, 10, 0.5), (22, 10, 0.5)])
-    assert saved_by_running_on(team.job, team.machine).tolist() == [0.0, 0.0]
-
-
-def test_no_more_is_saved_than_speed_at_both_ends(case_of: Callable[..., Any]) -> None:
-    """Between two strokes that abut one takes as long as at its feed throughout."""
-    abutting = row_of(case_of, 0.0, ProcessSettings(travel_feed=120.0))
-    rests = job_times(abutting.job, abutting.machine.limits)
-    saved = saved_by_running_on(abutting.job, abutting.machine)
-    assert (rests - saved)[1:-1] == pytest.approx(1.0 / 40.0)
 
 
 @pytest.mark.parametrize("seed", range(3))

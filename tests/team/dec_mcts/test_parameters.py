@@ -118,9 +118,9 @@ def test_the_search_does_not_heat(values: dict[str, float]) -> None:
 def test_without_a_share_there_is_no_tree(problem: TeamProblem) -> None:
     """What policies and polishing alone reach."""
     for agent in team_after(problem, 3, share=0):
-        assert len(agent._tree) == 1 and len(agent.distribution.sequences) == 1
+        assert not agent._tree.root.children and len(agent.distribution.sequences) == 1
         assert agent._polishing is not None and agent.best([0, 1]).makespan_s < np.inf
-    assert len(team_after(problem, 3)[0]._tree) > 1
+    assert team_after(problem, 3)[0]._tree.root.children
 
 
 @pytest.mark.slow

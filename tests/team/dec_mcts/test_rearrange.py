@@ -60,7 +60,7 @@ def test_trees_vary_an_order_that_no_policy_comes_near(
         told = agent.distribution
         assert len(told.sequences) > 2 and told.entropy < 1.0
         assert all(rearranges(problem, plan) for plan in told.sequences)
-        assert all(rearranges(problem, plan) for plan in agent._tree.plans)
+        assert all(rearranges(problem, plan) for plan in agent._tree.best_plans(1000))
         best = agent.best(HEADS)
         assert best.makespan_s == resolve(problem, best.plans, HEADS).makespan_s <= begun
     assert min(agent.best(HEADS).makespan_s for agent in team) < begun
@@ -80,7 +80,7 @@ def test_trees_vary_policies_that_end_sooner(
     monkeypatch.setattr(DecMcts, "_policies_s", lambda *_: 0.0)
     for agent in planned(problem, 3):
         assert len(agent._trials[HEADS].makespans) == 16
-        assert not any(rearranges(problem, plan) for plan in agent._tree.plans)
+        assert not any(rearranges(problem, plan) for plan in agent._tree.best_plans(1000))
         assert agent.best(HEADS).makespan_s <= agent._start_s(HEADS)
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from decmcts.team.dec_mcts.tree import ROOT, Tree
+from decmcts.team.dec_mcts.tree import Tree
 
 
 def _plan(k: int) -> np.ndarray:
@@ -33,7 +33,7 @@ def test_selection_is_the_discounted_bound(seed: int) -> None:
     rng = np.random.default_rng(seed)
     gamma, c, arms = 0.8, 0.5, 4
     tree = Tree(_plan(9), gamma=gamma, exploration=c)
-    nodes = [tree.expand(ROOT, _plan(k)) for k in range(arms)]
+    nodes = [tree.expand(tree.root, _plan(k)) for k in range(arms)]
     history = []
     for k in [*range(arms), *rng.integers(arms, size=30).tolist()]:
         reward = float(rng.random())
@@ -41,13 +41,13 @@ def test_selection_is_the_discounted_bound(seed: int) -> None:
         history.append((k, reward))
         if len(history) >= arms:
             bounds = _slow_bounds(history, arms, gamma, c)
-            assert tree._select(ROOT) == nodes[int(np.argmax(bounds))]
+            assert tree.select(tree.root) is nodes[int(np.argmax(bounds))]
 
 
 def test_old_rewards_fade() -> None:
     """Peers change their plans: what was good once must not stay good for ever."""
     tree = Tree(_plan(0), gamma=0.5, exploration=0.4)
-    good, bad = tree.expand(ROOT, _plan(1)), tree.expand(ROOT, _plan(2))
+    good, bad = tree.expand(tree.root, _plan(1)), tree.expand(tree.root, _plan(2))
     for _ in range(5):
         tree.backup(good, 1.0)
         tree.backup(bad, 0.4)
@@ -62,15 +62,14 @@ def test_seen_often_means_more_children() -> None:
     tree = Tree(_plan(0), gamma=0.9, exploration=0.7)
     for k in range(60):
         tree.backup(tree.expand(tree.descend(), _plan(k + 1)), 0.5)
-    assert 7 <= int(tree._children[ROOT]) <= 9
-    assert len(tree) == 61
+    assert 7 <= len(tree.root.children) <= 9
 
 
 def test_best_plans_are_different() -> None:
     """X̂ with the same plan ten times would tell the others nothing."""
     tree = Tree(_plan(0), gamma=0.9, exploration=0.7)
     for k in range(6):
-        tree.backup(tree.expand(ROOT, _plan(k % 2)), 0.5)
+        tree.backup(tree.expand(tree.root, _plan(k % 2)), 0.5)
     assert sorted(int(p[0]) for p in tree.best_plans(10)) == [0, 1]
 
 
