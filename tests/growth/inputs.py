@@ -115,8 +115,8 @@ def many(text: str, piece: str, end: str = "") -> Make:
 
 
 RECORD = '{"format": "decmcts-record/2", "bound_s": 1.0}\n'
-HEAD = ["left", "planning", "1", "1", "0:00:01", "1.000", "1.00", "0", "0", "0", "0"]
-STATE = json.dumps({"at_s": 1.0, "heads": [HEAD]}) + "\n"
+CELLS = ["left", "planning", "1", "1", "0:00:01", "1.000", "1.00", "0", "0", "0", "0"]
+STATE = json.dumps({"at_s": 1.0, "heads": [CELLS]}) + "\n"
 SLICE = "[[heads.slices]]\nheight_mm = {k}.5\npolygons = [[[-9,-9],[9,-9],[9,9],[-9,9]]]\n"
 FACET = b"facet normal 0 0 1\nouter loop\n" + b"vertex 0 0 1\n" * 3 + b"endloop\nendfacet\n"
 
@@ -152,7 +152,7 @@ FILES: dict[tuple[str, str], Make] = {
     ("dots of a key", "own.toml"): many("a", ".b", " = 1\n"),
     ("states", "a.rec"): many(RECORD, STATE),
     ("agents", "a.rec"): lambda n: (
-        RECORD + json.dumps({"at_s": 1.0, "heads": [HEAD] * n}) + "\n").encode(),
+        RECORD + json.dumps({"at_s": 1.0, "heads": [CELLS] * n}) + "\n").encode(),
     ("blank lines", "a.rec"): many(RECORD, "\n"),
     ("rows", "a.sop"): many("9\n", "0 " * 9 + "\n"),
     ("header", "a.sop"): many("", "COMMENT: {k}\n"),

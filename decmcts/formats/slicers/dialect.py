@@ -19,7 +19,7 @@ class Dialect:
     Comments are given without their marks. Patterns are regular expressions that ignore case.
     """
 
-    signs: Mapping[str, str] = field(default_factory=dict)  # by which it names itself, above its
+    signs: Mapping[str, str] = field(default_factory=dict)  # by which it names itself, before its
     # version: as they stand in a file -> the name that is shown
     roles: Mapping[Role, tuple[str, ...]] = field(default_factory=dict)  # what beads are for, in
     # lower case

@@ -122,6 +122,12 @@ def test_one_head_has_the_same_contacts_whatever_its_time():
     assert not found.safe and found.print_contacts == 1
 
 
+MARKS = (
+    b"; CHANGE_LAYER", b";LAYER:0", b"; LAYER:0", b"; --- LAYER 0 (0.2mm) ---",
+    b"; BEGIN_LAYER_OBJECT z=0.2", b"; *** LAYER 1", b"; layer 1, Z = 0.2", b";LAYER_CHANGE",
+)  # fmt: skip
+
+
 def test_files_may_touch_a_bead_to_its_height():
     """They do not say what their slicer did; start code pushes filament into the air and wipes."""
     layer = [[0, 0, 0.2], [40, 0, 0.2], [40, 9, 0.2], [0, 9, 0.2], [0, 9, 0.4], [40, 9, 0.4]]
@@ -136,6 +142,14 @@ def test_files_may_touch_a_bead_to_its_height():
     lines = np.arange(1, len(deep.feed) + 1)
     begun = replace(deep, line=lines, first_layer=first_layer_of(text))
     assert seen(begun, material_of_files([begun])) == ()
+
+
+@pytest.mark.parametrize("mark", MARKS)
+def test_the_first_layer_is_found_by_the_marks_of_every_slicer(mark):
+    """What start code pushes is no print; each slicer names its layers in words of its own."""
+    text = b"; made\nG28\r\nG1 X9 E1\r\n" + mark + b"\r\n;LAYER:9\r\n"
+    assert first_layer_of(text) == 4
+    assert first_layer_of(b"; made\nG28\n;LAYER_COUNT:9\n") == 0
 
 
 def test_what_stood_there_before_is_touched_too():
