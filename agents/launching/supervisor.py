@@ -18,7 +18,6 @@ from dataclasses import replace
 from typing import Any
 
 from agents.launching import liveness
-from agents.launching.liveness import Liveness
 from agents.launching.processes import AgentLine, AgentProcess
 from agents.launching.status import (
     REPORTED,
@@ -59,7 +58,7 @@ class Supervisor:
         self._released_since: float | None = None  # by the first agent
         self._ready: set[int] = set()
         self._misses: dict[tuple[int, int], float] = {}  # who misses whom -> since when
-        self._liveness = Liveness()
+        self._liveness = liveness.Liveness()
         assert stopping.seconds is not None  # agents plan by the clock
         self._limit_s, self._on_progress = stopping.seconds, on_progress
         self._stopping, self._is_stopped = stopping, False

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from decmcts.formats.gcode import GcodeDocument, Motions
+from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
@@ -248,16 +248,6 @@ def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, Ints]:
         offsets=np.cumsum([0, *(len(run.points) for run in pieces)]).astype(np.int64),
     )
     return replace(job, contours=entered), np.concatenate([run.rows for run in pieces])
-
-
-def source_with(
-    job: PrintJob, document: GcodeDocument, seams: Iterable[Moved]
-) -> tuple[PrintJob, GcodeDocument]:
-    """Return job and document with loops as they are run."""
-    entered, rows = job_with(job, seams)
-    return entered, replace(
-        document, point_state=document.point_state[rows], point_arc=document.point_arc[rows]
-    )
 
 
 def motions_with(source: Motions, contours: Contours, seams: Iterable[Moved]) -> Motions:

@@ -15,7 +15,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.duration import dwell_seconds, file_program
 from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
-from decmcts.formats.gcode.dialects.dialect import Kind, classify
+from decmcts.formats.gcode.dialects.dialect import is_layer_comment
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
 from decmcts.print.motion_kernels import FACTOR
@@ -33,7 +33,7 @@ from sim.heads.file import HeadFile, read_head_file
 from sim.heads.heat import heat_of
 
 _DWELLS, _RESTS = re.compile(rb"G4(?![\d.])"), re.compile(rb"(M400|M0|M1|M226|M25|M600)(?![\d.])")
-_COMMENT = re.compile(rb"^;[^\n]*", re.MULTILINE)
+_COMMENT = re.compile(rb"^;[; ]*+([^\r\n]*)", re.MULTILINE)
 FIRST_FEED = 25.0  # mm/s, as Marlin's, before a file names one
 
 
@@ -99,7 +99,7 @@ def _program(file: HeadFile, machine: Machine, index: dict[int, int]) -> HeadPro
 def first_layer_of(text: bytes) -> int:
     """Return the line, from 1, at which a slicer's comments name the first layer; 0: none does."""
     for comment in _COMMENT.finditer(text):
-        if classify(comment[0]).kind == Kind.LAYER:
+        if is_layer_comment(comment[1].decode("latin-1").rstrip()):
             return text.count(b"\n", 0, comment.start()) + 1
     return 0
 

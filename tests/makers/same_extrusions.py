@@ -1,9 +1,13 @@
 """Do two files extrude the same? Segment by segment, whatever the order.
 
-What was written is read back by the reader, and not by the judge.
+What was written is read back by the reader, and not by the judge. Where loops may be entered
+anywhere the source's are run first as the result's are (`source_with`).
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +15,23 @@ from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
 from decmcts.print.job import PrintJob
+from sim.content.seams import Moved, job_with
 
 HOT_ENDS = ("temperature hotend",)  # how slots begin that say how hot tools are told to be
 XYZ_MM = 1e-3
 NEAR_MM = 1.5e-3  # what rounding puts a micrometre apart: ends of an arc that is parted
 E_MM = 1.05e-5
 FEED_MM_S = 1e-3
+
+
+def source_with(
+    job: PrintJob, document: GcodeDocument, seams: Iterable[Moved]
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return job and document with loops as they are run."""
+    entered, rows = job_with(job, seams)
+    return entered, replace(
+        document, point_state=document.point_state[rows], point_arc=document.point_arc[rows]
+    )
 
 
 def same_extrusions(

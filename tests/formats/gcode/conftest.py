@@ -16,10 +16,10 @@ from decmcts.formats.gcode import (
 )
 from decmcts.print.job import PrintJob
 from decmcts.print.toolpath import Toolpath
-from sim.content.seams import seams_of_plan, source_with
+from sim.content.seams import seams_of_plan
 from tests.direct_actions import direct_actions
 from tests.makers.corpus import CORPUS
-from tests.makers.same_extrusions import same_extrusions
+from tests.makers.same_extrusions import same_extrusions, source_with
 from tests.print.test_loops import random_entries
 
 START = "G28\nG21\nG90\nM82\nG92 E0\n"

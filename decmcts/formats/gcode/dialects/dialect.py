@@ -91,6 +91,11 @@ def is_role_comment(body: str) -> bool:
     return _name(body) in BY_NAME and (":" not in body)
 
 
+def is_layer_comment(body: str) -> bool:
+    """Tell whether a comment (without its marks) begins a layer."""
+    return _LAYER.match(body) is not None
+
+
 def role_of(text: str) -> Role:
     """Return the role a comment, or the last of several, names; UNKNOWN for unknown words."""
     text = text[text.rfind("\n") + 1 :]
@@ -179,7 +184,7 @@ def _comment(text: str) -> LineMeaning:
         return LineMeaning(Kind.STATE, "mesh", text)
     if is_role_comment(body):
         return LineMeaning(Kind.STATE, "type", text)
-    if _LAYER.match(body):
+    if is_layer_comment(body):
         return LineMeaning(Kind.LAYER, "layer", text)
     return _label(text, body)
 

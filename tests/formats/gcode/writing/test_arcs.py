@@ -20,9 +20,9 @@ from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.loops import allowed_entries
 from decmcts.print.toolpath import Toolpath
 from sim.content.arcs import check_arcs, turns_of, turns_of_print
-from sim.content.seams import seams_of_plan, source_with
+from sim.content.seams import seams_of_plan
 from tests.direct_actions import direct_actions
-from tests.makers.same_extrusions import same_extrusions
+from tests.makers.same_extrusions import same_extrusions, source_with
 
 START = "G28\nM83\n;LAYER_CHANGE\n;Z:0.2\n"
 CIRCLE = "G1 X20 Y10 Z.2 F6000\nG3 X20 Y10 I-10 J0 E2.1 F1200\n"
