@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
-from decmcts.formats.gcode.controller import moves_kernels as curves
 from decmcts.formats.gcode.controller import moves_kernels as kernels
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN, classify, without_brackets
 from decmcts.formats.gcode.document import NO_ARC, Arcs
@@ -128,15 +127,15 @@ def _refuse_far(lines: Lines, motion: Motion) -> None:
 def _open_arcs(lines: Lines, motion: Motion, curved: NDArray[np.int64]) -> Motion:
     """Return the motion with chords in the place of the moves `curved`."""
     starts, ends = motion.points[:-1], motion.points[1:]
-    circles = np.zeros((len(ends), curves.N_CIRCLE))
-    count = curves.plan_arcs(
+    circles = np.zeros((len(ends), kernels.N_CIRCLE))
+    count = kernels.plan_arcs(
         starts, ends, motion.line, lines.code, lines.values, CHORD_ERROR_MM, circles
     )
     if len(wrong := np.flatnonzero(count == 0)):
         raise lines.refuse(int(motion.line[wrong[0]]), "an arc that no circle fits")
     points, extrusion = np.zeros((int(count.sum()), 3)), np.zeros(int(count.sum()))
     clockwise = lines.code[motion.line] == 20
-    curves.open_arcs(
+    kernels.open_arcs(
         starts, ends, motion.extrusion, clockwise, circles, count, 10.0 ** motion.decimals[0],
         points, extrusion,
     )  # fmt: skip
@@ -163,8 +162,8 @@ def _arcs(lines: Lines, line: NDArray[np.int64], circles: NDArray[np.float64]) -
         most = int(lines.decimals[: scan.E].max(initial=3))
         most = max(most, int(lines.decimals[[scan.OFFSET_I, scan.OFFSET_J]].max()))
     return Arcs(
-        circles[:, : curves.BEGIN], lines.code[line] == 20,
-        curves.can_be_parted(circles, CHORD_ERROR_MM), words, min(most, MOST_DECIMALS),
+        circles[:, : kernels.BEGIN], lines.code[line] == 20,
+        kernels.can_be_parted(circles, CHORD_ERROR_MM), words, min(most, MOST_DECIMALS),
     )  # fmt: skip
 
 
