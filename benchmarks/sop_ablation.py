@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import argparse
 import time
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from common import Rows, arguments, corpus, grouped, markdown, names, run_missing, setting
@@ -132,15 +134,16 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
     costs, pairs = problem(key["kind"], key["problem"])
     _, chosen, shares = VARIANTS[key["variant"]]
     places = [(place, "SHARES", shares) for place in (annealing, joint, windows)]
-    for place, name, value in [(solver, "TwoThreads", chosen), *places]:
-        setattr(place, name, value)  # no library option
-    result = search_sop(
-        costs,
-        pairs,
-        stopping=Stopping(2.0 * float(key["time_limit_s"])),
-        seed=int(key["seed"]) + (TWIN if key["variant"] == "twin" else 0),
-        clock=time.process_time,
-    )
+    with ExitStack() as changed:
+        for place, name, value in [(solver, "TwoThreads", chosen), *places]:
+            changed.enter_context(patch.object(place, name, value))  # no library option
+        result = search_sop(
+            costs,
+            pairs,
+            stopping=Stopping(2.0 * float(key["time_limit_s"])),
+            seed=int(key["seed"]) + (TWIN if key["variant"] == "twin" else 0),
+            clock=time.process_time,
+        )
     return key | {
         "nodes": len(costs), "cost": result.cost, "bound": result.bound,
         "found_by": result.found_by, "error": "",

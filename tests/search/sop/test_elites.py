@@ -69,7 +69,7 @@ def test_a_thread_keeps_precedence_and_knows_what_its_sequence_costs() -> None:
 
 @pytest.mark.long
 def test_few_precedences_and_random_costs_end_near_the_best_known() -> None:
-    """Without elites 2293 with this seed, and 2013 with the next; with them 1928 and 1982."""
+    """Ten seeds end at 2014 to 2174 without elites, and at 1770 to 1930 with them."""
     costs, pairs = few_precedences(100, 25, seed=4)
     found = search_sop(costs, pairs, stopping=Stopping(None, 100_000_000), seed=0)
     assert found.cost < 2000.0
