@@ -51,9 +51,6 @@ SMALLEST = {  # script: (options, rows, files)
     "simulated": ([*ONE, "--trials", "1"], 1, ("simulated.md",)),
     "shared_parts": ([*ONE, "--cuts", "inside"], 1, ("shared_parts.md",)),
 }
-
-
-QUICK = ("planners",)
 RESUMED = ("planners", "certificates")  # all go on by the same code
 
 
@@ -85,11 +82,8 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"{script}.own_process", in_this_process)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "script",
-    [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in SMALLEST],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("script", SMALLEST)
 def test_runs_once_and_resumes(run, script, tmp_path):
     """A long table is made in several sittings; what is there must not be run again."""
     options, rows, files = SMALLEST[script]

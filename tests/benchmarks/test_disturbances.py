@@ -21,7 +21,14 @@ def disturbed(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
     return disturbed
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("pause", 0), ("folder", 0), ("inside", 100)])
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        ("pause", 0),
+        pytest.param("folder", 0, marks=pytest.mark.long),
+        pytest.param("inside", 100, marks=pytest.mark.long),
+    ],
+)
 def test_the_joint_plan_survives(
     disturbed: Callable[..., dict[str, Any]], kind: str, seed: int
 ) -> None:

@@ -17,7 +17,7 @@ LARGEST_BYTES = 300_000  # pictures and all
 LIMIT = re.compile(r"(?<=time_limit_s=)[\d.]+")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.filterwarnings("default")  # what a kernel's client warns of is not ours
 def test_the_tour_runs() -> None:
     """In a kernel of its own, as a reader runs it but sooner; a cell that fails ends the test."""

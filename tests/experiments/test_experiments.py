@@ -45,7 +45,7 @@ def test_two_heads_are_faster_where_parts_are_far_apart() -> None:
     assert 0.0 <= far["waits"] < near["waits"] + near["idle"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_more_heads_along_a_rail_are_faster() -> None:
     """The machine is made by code, of any number of heads."""
     keys = list(some_of("team-size", cut="none"))

@@ -25,7 +25,7 @@ from sim.verify import verify_plan
 
 ROOM = 2**30
 CPU_S = 240  # of all mutants together
-COUNT = 60
+COUNT = 30
 ODD = (
     None, True, -1, 0, 1, 1e-300, -0.5, 2**31, 2**63, 10**4000, 1e308, 9999.0, -9999.0, 1e5, 1e7,
     "", "x" * 10**5, "\ud800", [], [[]], {}, {"a": 1}, [1, "a"], [None], [[[[[[]]]]]], [0] * 10**5,

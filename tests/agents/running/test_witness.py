@@ -35,7 +35,7 @@ def wait_for(witness: WitnessProcess) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("speaking", [(0,), (1,), (0, 1), ()])
+@pytest.mark.parametrize("speaking", [(1,), (0, 1), ()])
 def test_a_witness_tells_who_speaks(speaking: tuple[int, ...]) -> None:
     """Heads that have no session, or keep silent, are not heard; it can be asked again."""
     places = tuple(f"tcp/127.0.0.1:{port}" for port in free_ports(3))

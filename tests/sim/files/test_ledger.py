@@ -196,7 +196,7 @@ def test_a_file_that_is_its_source_is_not_compared_with_a_writers_lines(tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["one tool", "two tools"])
+@pytest.mark.parametrize("kind", [pytest.param("one tool", marks=pytest.mark.long), "two tools"])
 def test_the_judge_of_drafts_is_the_judge_of_files(tmp_path, kind):
     """What is written has passed all that `verify --source` asks: both find a mutant, or none."""
     two = kind == "two tools"

@@ -174,6 +174,7 @@ STILL = """() => {
 }"""
 
 
+@pytest.mark.long
 def test_every_control_does_something(browser: Browser, two_heads: Path) -> None:
     """Each is reached by the keyboard, has a name, changes what is shown, and nothing fails."""
     with opened(browser, two_heads) as page:
