@@ -138,12 +138,15 @@ FAULTS: dict[str, Callable[[Trial, int, int], None]] = {
 }
 
 
-LONG = ("agent hangs", "bus lost")  # noticed as a killed agent is, but later
-
-
-@pytest.mark.parametrize("head", ["right", pytest.param("left", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
-    "fault", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in FAULTS]
+    ("fault", "head"),
+    [
+        ("agent killed", "right"),
+        ("clogged", "right"),
+        pytest.param("clogged", "left", marks=pytest.mark.long),
+        pytest.param("agent hangs", "right", marks=pytest.mark.long),  # as killed, noticed later
+        pytest.param("bus lost", "left", marks=pytest.mark.long),
+    ],
 )
 def test_the_rest_is_printed_by_the_others(made: Made, fault: str, head: str) -> None:
     """The controller lives: it says that it is off and goes to its park, and all is finished."""

@@ -79,13 +79,13 @@ def test_a_thread_far_behind_goes_on_from_the_incumbent() -> None:
 def test_windows_after_a_long_annealing_find_more_than_a_longer_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Where costs are distances: 19 462 and 19 533 in all."""
+    """Where costs are distances: 9 734 and 9 816 in all."""
 
     monkeypatch.setattr(TwoThreads, "_beams", lambda self: self._annealer(1))
 
     def found() -> float:
         total = 0.0
-        for seed in range(4):
+        for seed in range(2):
             precedence, costs = layered(10, 40, seed=3 + seed)
             stopping = Stopping(None, 20_000_000)
             total += search_sop(costs, precedence.pairs, stopping=stopping, seed=seed).cost
