@@ -6,7 +6,7 @@ One source of these words for `decmcts verify` and for the report. Nothing is ju
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from sim.faults import Gap, Verdict
@@ -80,17 +80,7 @@ def checked_lines(verdict: Verdict, *, verbose: bool = False) -> list[str]:
 def nearest_facts(verdict: Verdict) -> dict[str, Any]:
     """Return how near it came as `--json` prints it."""
     found = {"heads": verdict.nearest.heads, "beside": verdict.nearest.beside}
-    return {name: None if gap is None else _facts(gap) for name, gap in found.items()}
-
-
-def _facts(gap: Gap) -> dict[str, Any]:
-    return {
-        "mm": gap.mm,
-        "at_least": gap.at_least,
-        "required_mm": gap.required_mm,
-        "heads": list(gap.heads),
-        "at": list(gap.at),
-    }
+    return {name: None if gap is None else asdict(gap) for name, gap in found.items()}
 
 
 def _counted(counts: Mapping[str, float]) -> str:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -208,28 +207,20 @@ def _check_execution(
 def all_actions_of(document: PlanDocument) -> tuple[HeadActions, ...]:
     """Return one action list per head of the machine, empty for a head without work."""
     given = {h.head: h for h in document.plan.heads}
-    names = [h.head for h in document.plan.heads]
     machine_order = [h.name for h in document.machine.heads]
-    renumber = np.array([machine_order.index(name) for name in names] or [0], np.int32)
+    renumber = np.array([machine_order.index(h.head) for h in document.plan.heads] or [0], np.int32)
+    ints, none, empty = np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0)
     all_actions = []
     for name in machine_order:
-        actions = given.get(name)
-        all_actions.append(_idle(name) if actions is None else _renumbered(actions, renumber))
+        if name in given:  # its `after` counts heads as the plan does
+            actions = replace(given[name], after_head=renumber[given[name].after_head])
+        else:
+            actions = HeadActions(
+                name, none.astype(np.int8), none, none.astype(bool), none, ints, np.empty((0, 3)),
+                empty, empty, ints, none, none, *end_edges(0),
+            )  # fmt: skip
+        all_actions.append(actions)
     return tuple(all_actions)
-
-
-def _idle(name: str) -> HeadActions:
-    ints, none = np.zeros(1, np.int64), np.empty(0, np.int32)
-    empty = np.empty(0)
-    return HeadActions(
-        name, none.astype(np.int8), none, none.astype(bool), none, ints, np.empty((0, 3)),
-        empty, empty, ints, none, none, *end_edges(0),
-    )  # fmt: skip
-
-
-def _renumbered(actions: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
-    """Return actions whose `after` counts heads as the machine does, not as the plan does."""
-    return replace(actions, after_head=renumber[actions.after_head])
 
 
 def check_material(

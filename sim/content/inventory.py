@@ -9,7 +9,7 @@ come in. What rounding put into neighbouring cells is then matched by distance.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from scipy.spatial import cKDTree
 from decmcts.print.contours import Contours
 from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed, listed_rows
+
+if TYPE_CHECKING:
+    from sim.content.arcs import Turns
 
 GRID_MM = 1e-3
 NEAR_MM = 3e-3  # both ends together, rounding to three decimals on both sides
@@ -237,25 +240,7 @@ def compare(ours: Segments, source: Segments, match: Ints) -> list[Fault]:
     return faults + _compare_total(ours, source)
 
 
-class Extrusions(Protocol):
-    """What lays filament, piece by piece: segments, or arcs."""
-
-    @property
-    def extrusion(self) -> Floats:
-        """Filament, (n,) mm."""
-        ...
-
-    @property
-    def feed(self) -> Floats:
-        """Feed, (n,) mm/s."""
-        ...
-
-    def text(self, i: int) -> str:
-        """Return the words for one piece."""
-        ...
-
-
-def altered(ours: Extrusions, source: Extrusions, match: Ints) -> list[Fault]:
+def altered(ours: Segments | Turns, source: Segments | Turns, match: Ints) -> list[Fault]:
     """Return what has other filament or another feed than the source's piece it is."""
     pairs = np.flatnonzero(match != NO_MATCH)
     faults: list[Fault] = []

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
-from decmcts.formats.gcode.document import Block
+from decmcts.formats.gcode.document import SILENT, Block
 from decmcts.formats.gcode.text.lines import command_of
 from sim.arrays import Flags, Ints
 from sim.faults import Fault, FaultKind, listed
@@ -61,7 +61,6 @@ _WITH_EXPONENT = re.compile(  # in a command that is acted on; a message or a na
     rb"(?:G\d|M(?:10[4679]|1[49]0|14[12]|191|20[1345789]|22[01]|566|572|593|900)(?!\d)"
     rb"|SET_(?!PRINT))[^;(]*?[0-9.]e[-+]?[0-9]"
 )
-_BLOCKS_ALONE = ("tool", "temperature")  # states that only verbatim blocks may set
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +178,7 @@ def _find_blocks(
 def known_settings(document: GcodeDocument) -> frozenset[bytes]:
     """Return the commands with which the source sets its states, comments left out."""
     states = document.states
-    kept = [k for k, slot in enumerate(states.slots) if not slot.startswith(_BLOCKS_ALONE)]
+    kept = [k for k, slot in enumerate(states.slots) if not slot.startswith(SILENT)]
     used = np.unique(states.rows[:, kept]).tolist() if kept else []
     texts = [text for k in used for text in (states.values[k], states.leave[k])]
     return frozenset(codes_of("\n".join(texts).encode("utf-8", "surrogateescape")))

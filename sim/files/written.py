@@ -28,6 +28,8 @@ from decmcts.formats.gcode import (
     read_gcode,
     read_written,
 )
+from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
+from decmcts.formats.gcode.reading.reader import Ending
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -38,7 +40,6 @@ from sim.content.seams import Moved, seams_of_file
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.changes import Taken, as_taken
 from sim.files.commands import check_book, check_commands
-from sim.files.endings import ending_faults
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
@@ -46,6 +47,9 @@ from sim.files.temperatures import check_temperatures, in_phases
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
+HOT_ENDS = ("temperature hotend",)  # how slots begin that say how hot tools are told to be
+XYZ_MM = 1e-3
+OVER_MM = 1.0  # above the print the head may stand when its end G-code begins
 DWELL = re.compile(rb"^G4 P(\d+)", re.M)
 Dwell = tuple[int, float]  # its line, from 1, and seconds
 
@@ -89,9 +93,7 @@ def verify_written(
     plate : int | None
         Which of a .gcode.3mf is judged.
     """
-    judge = partial(
-        _verify, path, machine=machine, seams=seams, actions=actions, plate=plate
-    )  # fmt: skip
+    judge = partial(_verify, path, machine=machine, seams=seams, actions=actions, plate=plate)
     verdict = judge(job, document)
     if verdict.ok or (phases := in_phases(job, document)) is None:
         return verdict
@@ -157,9 +159,57 @@ def _read_back(
     moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
     taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
     texts = taken is None  # else how hot tools are told to be is compared by their values alone
-    endings = ending_faults(document, ending, hot_ends=texts)
-    faults = listed(FaultKind.STATE, endings)
+    faults = listed(FaultKind.STATE, ending_faults(document, ending, hot_ends=texts))
     return ReadBack(load_text(path, plate), motions, moved, faults, taken)
+
+
+def ending_faults(document: GcodeDocument, ending: Ending, *, hot_ends: bool = True) -> list[str]:
+    """Return how a file made from `document` reaches its end G-code otherwise than the source.
+
+    End G-code relies on where the head is, what is retracted, and what is set; without `hot_ends`
+    these may be told anything.
+    """
+    cursor, end, but = ending.cursor, document.end, () if hot_ends else HOT_ENDS
+    faults = _place(ending, end.position)
+    if abs(cursor.owed - end.owed) > XYZ_MM or cursor.firmware_retracted != end.firmware_retracted:
+        faults.append(f"{cursor.owed:.3f} mm are retracted, in the source {end.owed:.3f}")
+    if cursor.relative_e != end.relative_e or cursor.tool != end.tool:
+        faults.append("the mode of E or the tool is another")
+    if not end.relative_e and abs(cursor.e - end.e) > XYZ_MM:
+        faults.append(f"E stands at {cursor.e:.5f}, in the source at {end.e:.5f}")
+    ours = states_in_force(ending.states, cursor.state, but)
+    theirs = states_in_force(document.states, end.state, but)
+    faults += [f"in force is '{a}'" for _, a in sorted(ours - theirs)]
+    faults += [f"not in force is '{a}'" for _, a in sorted(theirs - ours)]
+    return [f"before the end G-code {fault}" for fault in faults]
+
+
+def _place(ending: Ending, place: tuple[float, float, float]) -> list[str]:
+    """Return what is wrong with where the head is when it should be at, or above, `place`.
+
+    On the print it may only stand where it has just laid the last bead.
+    """
+    at = ending.cursor.position
+    if max(abs(a - b) for a, b in zip(at[:2], place[:2], strict=True)) > 2 * XYZ_MM:
+        return [f"the head is at {at}, in the source at {place}"]
+    just_laid = max(abs(a - b) for a, b in zip(at, ending.laid, strict=True)) <= 2 * XYZ_MM
+    if just_laid and abs(at[2] - place[2]) <= 2 * XYZ_MM:
+        return []
+    if at[2] <= ending.top + XYZ_MM:
+        return [f"the head comes down on the print at {at}, {ending.top:g} mm high"]
+    highest = max(ending.top, place[2]) + OVER_MM
+    return [f"the head is at {at}, above {highest:g} mm"] if at[2] > highest else []
+
+
+def states_in_force(
+    table: StateTable, row: int, but: tuple[str, ...] = SILENT
+) -> set[tuple[str, str]]:
+    """Return slot and text of all that commands something in a state, `but` what begins so."""
+    return {
+        (slot, table.values[v])
+        for slot, v in zip(table.slots, table.rows[row].tolist(), strict=True)
+        if v and slot not in DESCRIBES and not slot.startswith(but)
+    }
 
 
 def _check_text(

@@ -26,21 +26,21 @@ from sim.content.inventory import FEED_TOLERANCE_MM_S
 from sim.faults import Fault, FaultKind, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.extent import check_filament_feeds
-from sim.files.written import check_line_numbers
+from sim.files.written import check_line_numbers, states_in_force
 from sim.heads.changes import behind, belongs_to_bead
 from sim.heads.file import (
     SAME_MM,
+    FileParts,
     HeadFile,
     Settings,
     begin_of_verbatim,
-    differing,
     kept_settings,
     own_commands,
+    words_of,
 )
 from sim.heads.heat import heat_due, heats_early, unheated
 from sim.heads.idle import Idling, check_idle
-from sim.heads.order import FileParts, last_points
-from sim.heads.walk import OWED_MM, Walk, Walker
+from sim.heads.walk import OWED_MM, Walk, Walker, last_points
 
 _NUMBER = rb"-?[0-9.]+"
 _SETS_E = re.compile(rb"G92 E%b\Z" % _NUMBER)  # and no other axis
@@ -314,7 +314,8 @@ def _check_end(
     if bool(modes[1]) != end.relative_e:
         words.append("E is counted in another way")
     state = int(file.track.at(max(above, 0) + 1))
-    words += differing(file.track.table, state, document.states, end.state, kept)
+    has = states_in_force(file.track.table, state)
+    words += words_of(has, states_in_force(document.states, end.state), kept)
     return [f"before the end code {text}" for text in words]
 
 

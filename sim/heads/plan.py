@@ -41,7 +41,7 @@ from sim.content.paths import legs_of
 from sim.content.same_print import check_print
 from sim.content.seams import job_with, seams_of_paths
 from sim.faults import Fault
-from sim.heads.file import SAME_MM, HeadFile, axis_moves
+from sim.heads.file import AXIS_MOVE, SAME_MM, HeadFile
 from sim.heads.sync import Knowledge
 from sim.replay.execution import execute
 from sim.replay.least import least_arrivals
@@ -158,7 +158,7 @@ def _begin(file: HeadFile) -> int:
     """
     if given := file.rests.signals:
         return int(file.motion.before[given[0] - 1])
-    across = axis_moves(file)[1:2]
+    across = [line for line, code in file.rest if AXIS_MOVE.match(code)][1:2]
     return int(file.motion.before[across[0]]) if across else 0
 
 

@@ -73,12 +73,11 @@ def judge_together(
     machine: Machine, *, read: bool = False,
 ) -> Verdict:  # fmt: skip
     """Check what the files of all heads do together; of each the faults found so far come first."""
-    files, parts = [each.file for each in walked], [each.part for each in walked]
+    files = [each.file for each in walked]
     if named := check_names(files, plan):
         return Verdict(tuple(named))
-    walks = [each.walk for each in walked]
     faults = [fault for each in walked for fault in each.faults]
-    complete = all(walk.complete for walk in walks)
+    complete = all(each.walk.complete for each in walked)
     if complete:
         faults += check_filament(walked, job, document)
     source = source_text(document)
@@ -92,7 +91,7 @@ def judge_together(
     intervals = Intervals(files, machine.signal_interval_s if release == "point" else 0.0)
     faults += intervals.check()
     if complete and not known.stuck:
-        faults += check_order(files, plan, known, parts, walks, intervals, read=read)
+        faults += check_order(walked, plan, known, intervals, read=read)
     signals = sum(len(file.syncs) for file in files)
     return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
 

@@ -16,9 +16,10 @@ import numpy as np
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
 from decmcts.print.machine import Practice
-from decmcts.print.plan import ActionKind, HeadActions
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
 from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
+from sim.files.written import states_in_force
 from sim.heads.file import (
     E_MM,
     FEED_MM_S,
@@ -26,7 +27,6 @@ from sim.heads.file import (
     ContourMoves,
     HeadFile,
     Settings,
-    in_force,
     words_of,
 )
 
@@ -95,7 +95,7 @@ class Walker:
     ) -> None:  # fmt: skip
         """Take for each action the last of its points that another head waits for (`waited`).
 
-        `practice` is what the head does where it stands idle, `kept` as in `differing`.
+        `practice` is what the head does where it stands idle, `kept` as in `words_of`.
         """
         self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
@@ -107,8 +107,8 @@ class Walker:
         self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
-        self._ours = cache(partial(in_force, file.track.table))  # states in words, by row
-        self._theirs = cache(partial(in_force, document.states))
+        self._ours = cache(partial(states_in_force, file.track.table))  # states in words, by row
+        self._theirs = cache(partial(states_in_force, document.states))
         starts = [*document.starts, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
         first = int(job.contours.epoch.min(initial=0))
@@ -332,6 +332,19 @@ class Walker:
             words = words_of(self._ours(mine), self._theirs(row), self._kept)
             self._alike[mine, row] = ", ".join(words)
         return self._alike[mine, row]
+
+
+def last_points(plan: JointPlan, head: int) -> dict[int, int]:
+    """Return the last point, before the end, of a head's actions that others wait for."""
+    last = np.diff(plan.heads[head].path_offsets) - 1
+    found = np.full(len(last), -1)
+    for actions in plan.heads:
+        rows = np.flatnonzero((actions.after_head == head) & (actions.after_point != ACTION_END))
+        action, point = actions.after_action[rows], actions.after_point[rows]
+        within = point != last[action]
+        np.maximum.at(found, action[within], point[within])
+    waited = np.flatnonzero(found >= 0)
+    return dict(zip(waited.tolist(), found[waited].tolist(), strict=True))
 
 
 def _apart_in_file(path: Floats, offsets: Ints, decimals: int) -> Flags:
