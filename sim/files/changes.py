@@ -16,7 +16,6 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.print.job import PrintJob
@@ -77,7 +76,12 @@ def as_taken(printed: Ints, job: PrintJob, document: GcodeDocument, moves: Motio
         return None
     epoch = np.zeros(len(job.contours), np.int32)
     epoch[printed] = number
-    return _taken(job, document, loose, made, epoch)
+    blocks = document.blocks
+    refills = {e for e, k in made if blocks[k].epoch in job.refills}
+    job = replace(job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills)))
+    anew = tuple(replace(blocks[k], epoch=e) for e, k in made)
+    which = np.array([k for _, k in made], np.int64)
+    return Taken(job, replace(document, blocks=anew), document, which, loose)
 
 
 def _made(
@@ -111,18 +115,6 @@ def _made(
             return None
     last = numbers[-1] if numbers else 0
     return made + [(last + 1, wall) for wall in walls[stood:]]  # below the last bead
-
-
-def _taken(
-    job: PrintJob, document: GcodeDocument, loose: frozenset[int], made: list[tuple[int, int]],
-    epoch: NDArray[np.int32],
-) -> Taken:  # fmt: skip
-    blocks = document.blocks
-    refills = {e for e, k in made if blocks[k].epoch in job.refills}
-    job = replace(job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills)))
-    anew = tuple(replace(blocks[k], epoch=e) for e, k in made)
-    which = np.array([k for _, k in made], np.int64)
-    return Taken(job, replace(document, blocks=anew), document, which, loose)
 
 
 def _stretches(job: PrintJob, document: GcodeDocument, loose: frozenset[int]) -> Ints:

@@ -68,15 +68,19 @@ def check_filament(
         numbers = np.concatenate([[0], taken.block + 1, [NONE]])  # the last: of no lines
         book = replace(book, lines=numbers[book.lines])
     ways = ways_of(own, source)
+    found = farther_unretracted(ways_of(book, motions, ways), ways)
+    unretracted = [f"above line {motions.line[book.bead[k + 1]]} {t}" for k, t in found.items()]
+    # what is behind a source's last bead is of its end code
+    own_places = Verbatim(spans[0][1] + 1, int(source.line[-1]) + 1, tuple(spans[1:]))
     return [
         *_check_totals(motions, source, taken),
         *_check_nets(book, own, motions),
         *_check_depths(book, own, motions),
         *_check_firmware(book, own, motions, source),
-        *_check_unretracted(book, ways, motions),
+        *listed(FaultKind.STATE, unretracted),
         *_check_outer_ways(
             _outer_ways(motions, laid[0], places, ways.enough),
-            _outer_ways(source, theirs, _places_in_source(document, spans, source), ways.enough),
+            _outer_ways(source, theirs, own_places, ways.enough),
             ways,
             (int(motions.line[laid[0][0]]), places.end),
         ),
@@ -164,7 +168,7 @@ def tools_of(motions: Motions) -> Ints:
     return np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
 
 
-def lines_in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
+def lines_in_source(document: GcodeDocument) -> list[tuple[int, int]]:
     """Return the lines of start code and blocks in the source, first and last, from 1."""
     above = document.preamble.count(b"\n")
     spans = [(b.line, b.last_line) for b in document.blocks]
@@ -287,12 +291,6 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
     return listed(FaultKind.STATE, texts)
 
 
-def _check_unretracted(book: Book, theirs: Ways, motions: Motions) -> list[Fault]:
-    found = farther_unretracted(ways_of(book, motions, theirs), theirs)
-    line, bead = motions.line, book.bead[1:]
-    return listed(FaultKind.STATE, [f"above line {line[bead[k]]} {t}" for k, t in found.items()])
-
-
 def ways_of(book: Book, motions: Motions, source: Ways | None = None) -> Ways:
     """Return the ways from each contour to the next; None: of the source itself."""
     points, extrusion = np.asarray(motions.points), np.asarray(motions.extrusion)
@@ -314,12 +312,6 @@ def _check_outer_ways(ways: Ways, usual: Ways, theirs: Ways, lines: tuple[int, i
     if as_source or not (usual.plain[0] and usual.retracts[0]):
         found.pop(0, None)
     return listed(FaultKind.STATE, [f"above line {lines[k]} {text}" for k, text in found.items()])
-
-
-def _places_in_source(document: GcodeDocument, spans: LineSpans, source: Motions) -> Verbatim:
-    """Return where a source has its own lines; what is behind its last bead is of its end code."""
-    begin, end = document.preamble.count(b"\n") + 1, int(source.line[-1]) + 1
-    return Verbatim(begin, end, tuple(spans[1:]))
 
 
 def _outer_ways(

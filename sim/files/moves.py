@@ -118,9 +118,12 @@ def check_moves(
     faults += check_file_extent(motions, source, machine)
     faults += check_file_feeds(motions, source, machine)
     contours = job.contours if job is not None and len(job.contours) else None
-    contacts, warnings, beside = check_file_material(
-        motions, given, machine, laid, printed, match, contours
-    )
+    try:
+        contacts, warnings, beside = _check_material(
+            motions, given, machine, laid, printed, match, contours
+        )
+    except UndecidedError as error:
+        contacts, warnings, beside = [Fault(FaultKind.HEAD_MATERIAL, str(error))], (), None
     return Matched(
         faults + contacts, False, len(motions.line), ours, laid, printed, lines, warnings, beside
     )
@@ -131,7 +134,7 @@ LOOKED_AT = 10 * LIMIT  # contacts that are looked for; what is allowed is none 
 FILE_TOLERANCE_MM = 2e-3  # overlap that counts as touching: files have three decimals
 
 
-def check_file_material(
+def _check_material(
     motions: Motions, source: Motions, machine: Machine, laid: Ints, contour: Ints, match: Ints,
     contours: Contours | None,
 ) -> tuple[list[Fault], tuple[str, ...], Gap | None]:  # fmt: skip
@@ -155,20 +158,14 @@ def check_file_material(
     Returns
     -------
     The faults, the warnings, and the least gap from the first contour to the last.
+
+    Raises
+    ------
+    UndecidedError
+        Where contacts are too many to decide.
     """
     if not (np.asarray(motions.contour) >= 0).any():
         return [], (), None
-    try:
-        return _moved(motions, source, machine, laid, contour, match, contours)
-    except UndecidedError as error:
-        return [Fault(FaultKind.HEAD_MATERIAL, str(error))], (), None
-
-
-def _moved(
-    motions: Motions, source: Motions, machine: Machine, laid: Ints, contour: Ints, match: Ints,
-    contours: Contours | None,
-) -> tuple[list[Fault], tuple[str, ...], Gap | None]:  # fmt: skip
-    """Return faults, warnings and the least gap; raises UndecidedError."""
     faults, warnings, beside = list[Fault](), tuple[str, ...](), None
     file = _file_of(motions, machine, laid, contour, match)
     if contours is not None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -52,17 +52,6 @@ XYZ_MM = 1e-3
 OVER_MM = 1.0  # above the print the head may stand when its end G-code begins
 DWELL = re.compile(rb"^G4 P(\d+)", re.M)
 Dwell = tuple[int, float]  # its line, from 1, and seconds
-
-
-@dataclass(frozen=True, slots=True)
-class ReadBack:
-    """A file as it was read back, beside what it was made from."""
-
-    text: bytes
-    motions: Motions
-    seams: Sequence[Moved]  # loops that begin at another vertex
-    faults: list[Fault]  # found while reading: extrusions or an ending unlike the source's
-    taken: Taken | None  # the source as the file takes it, if it changes tools elsewhere
 
 
 def verify_written(
@@ -108,18 +97,25 @@ def _verify(
     """Return the verdict on a file with the epochs and the blocks that are given."""
     source = document.moves
     try:
-        written = _read_back(path, job, document, source, seams, plate)
+        ours, _, motions, ending = read_written(path, document, plate)
+        text = load_text(path, plate)
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
-    motions = written.motions
-    if (taken := written.taken) is not None:
+    moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
+    taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
+    # where tools change elsewhere, how hot they are told to be is compared by values alone
+    ends = ending_faults(document, ending, hot_ends=taken is None)
+    if taken is not None:
         job, document = taken.job, taken.document
-    matched = check_moves(motions, source, machine, job=job, seams=written.seams)
+    matched = check_moves(motions, source, machine, job=job, seams=moved)
     if matched.is_other:
         return matched.verdict()
-    faults = written.faults + _check_text(written, source, (job, document), matched, taken)
-    dwells = list(_dwells(written.text))
-    faults += _check_stands(dwells, motions, matched)
+    dwells = list(_dwells(text))
+    faults = [
+        *listed(FaultKind.STATE, ends),
+        *_check_text(text, motions, job, document, matched, taken),
+        *_check_stands(dwells, motions, matched),
+    ]
     if actions is not None:
         faults += _check_waits(dwells, motions, matched.laid, actions)
     verdict = matched.verdict(faults)
@@ -144,23 +140,6 @@ def check_line_numbers(line: int | None) -> list[Fault]:
         return []
     text = f"line {line} has a line number, and a firmware stops where the next is another"
     return [Fault(FaultKind.COMMAND, text)]
-
-
-def _read_back(
-    path: Path | str,
-    job: PrintJob,
-    document: GcodeDocument,
-    source: Motions,
-    seams: Sequence[Moved] | None,
-    plate: int | None,
-) -> ReadBack:
-    """Read a file that was made from a document; raises InputError where that fails."""
-    ours, _, motions, ending = read_written(path, document, plate)
-    moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
-    taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
-    texts = taken is None  # else how hot tools are told to be is compared by their values alone
-    faults = listed(FaultKind.STATE, ending_faults(document, ending, hot_ends=texts))
-    return ReadBack(load_text(path, plate), motions, moved, faults, taken)
 
 
 def ending_faults(document: GcodeDocument, ending: Ending, *, hot_ends: bool = True) -> list[str]:
@@ -213,39 +192,30 @@ def states_in_force(
 
 
 def _check_text(
-    written: ReadBack, source: Motions, due: tuple[PrintJob, GcodeDocument], matched: Matched,
+    text: bytes, motions: Motions, job: PrintJob, document: GcodeDocument, matched: Matched,
     taken: Taken | None,
 ) -> list[Fault]:  # fmt: skip
-    """Check the commands of a file, and its filament, against the source's."""
-    job, document = due
-    known = matched.contour >= 0
+    """Check a file's commands, filament, settings and temperatures against the source's."""
+    known, lines = matched.contour >= 0, np.asarray(motions.line)
     laid, contour = matched.laid[known], matched.contour[known]
     epoch = np.asarray(job.contours.epoch, np.int64)[contour]
-    line = np.asarray(written.motions.line)[laid]
-    faults, places = check_commands(written.text, document, line, epoch)
-    filament = check_filament(written.motions, source, document, places, (laid, contour), taken)
-    return faults + filament + _check_source_text(written, source, document, matched, taken)
-
-
-def _check_source_text(
-    written: ReadBack, moves: Motions, document: GcodeDocument, matched: Matched,
-    taken: Taken | None,
-) -> list[Fault]:  # fmt: skip
-    """Check commands, settings and temperatures against the source's text."""
+    faults, places = check_commands(text, document, lines[laid], epoch)
+    faults += check_filament(motions, document.moves, document, places, (laid, contour), taken)
     try:
         source = source_text(document)
     except InputError as error:
-        return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
-    ours, theirs = settings_of(written.text), settings_of(source)
-    travels = TravelSettings.of(theirs, travels_of(moves))
+        unread = f"the source cannot be read once more: {error}"
+        return [*faults, Fault(FaultKind.STATE, unread)]
+    ours, theirs = settings_of(text), settings_of(source)
+    travels = TravelSettings.of(theirs, travels_of(document.moves))
     known = matched.source_line >= 0
-    line = np.asarray(written.motions.line)[matched.laid[known]]
-    there = matched.source_line[known]
+    line, there = lines[matched.laid[known]], matched.source_line[known]
     return [
-        *check_book(written.text, source, None if taken is None else taken.commands()),
+        *faults,
+        *check_book(text, source, None if taken is None else taken.commands()),
         *check_settings(ours, theirs, line, there, alike_of(matched.segments)[known]),
-        *listed(FaultKind.STATE, list(travels.differing(ours, travels_of(written.motions)))),
-        *check_temperatures(written.text, source, line, there, own_tool=taken is not None),
+        *listed(FaultKind.STATE, list(travels.differing(ours, travels_of(motions)))),
+        *check_temperatures(text, source, line, there, own_tool=taken is not None),
     ]
 
 

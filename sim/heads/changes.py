@@ -109,14 +109,13 @@ def _unwalled(
     starts = tuple(_starts(job, document, behind))
     refills = set(job.refills) - {block.epoch for block in gone}
     taken = {c for c in behind if job.contours.tool[c] != job.contours.tool[c - 1]}
-    primes = _primes_of(job, since, taken)
+    primes, deep = _primed_and_pulled(job, since, taken)
     owed = document.owed.copy()
     for c in behind:
         more = primes.get(int(job.contours.tool[c]), 0.0) if c in taken and c in since else 0.0
         owed[c] = more - since.get(c, NO_GAP).net
     apart = heat_due(document, job).one_hot_end
     standbys = {} if apart else _standbys(gone, tools)
-    deep = _pulled_back(job, since, taken)
     practices = {
         tool: Practice(
             round(deep.get(tool, 0.0), 5), round(primes.get(tool, 0.0), 5), standbys.get(tool)
@@ -211,21 +210,25 @@ def _starts(
         yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
 
-def _primes_of(
+def _primed_and_pulled(
     job: PrintJob, since: Mapping[int, FilamentBalance], taken: set[int]
-) -> dict[int, float]:
-    """Return what is pushed beyond what was pulled at every change to a tool alike, mm.
+) -> tuple[dict[int, float], dict[int, float]]:
+    """Return what primes each tool, and how far it is pulled back at least, mm of filament.
 
-    `taken` are the contours before which tools change.
+    It is primed by what is pushed beyond what was pulled at every change to it alike. `taken` are
+    the contours before which tools change.
     """
-    pushed: dict[int, list[float]] = {}
+    of_tool: dict[int, list[FilamentBalance]] = {}
     for c in taken & since.keys():
-        pushed.setdefault(int(job.contours.tool[c]), []).append(since[c].net)
-    return {
-        tool: median(each)
-        for tool, each in pushed.items()
-        if min(each) > PRIMES_MM and max(each) - min(each) <= ALIKE_MM
-    }
+        of_tool.setdefault(int(job.contours.tool[c]), []).append(since[c])
+    primes, deep = dict[int, float](), dict[int, float]()
+    for tool, changes in of_tool.items():
+        pushed, pulled = zip(*changes, strict=True)
+        if min(pushed) > PRIMES_MM and max(pushed) - min(pushed) <= ALIKE_MM:
+            primes[tool] = median(pushed)
+        if PRIMES_MM < min(pulled) <= UNLOADS_MM:
+            deep[tool] = min(pulled)
+    return primes, deep
 
 
 def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, float]:
@@ -240,17 +243,6 @@ def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, fl
         if first < last and 0.0 < (left := rows[last - 1][1]) < np.inf:
             found[tool] = max(found.get(tool, 0.0), left)
     return found
-
-
-def _pulled_back(
-    job: PrintJob, since: Mapping[int, FilamentBalance], taken: set[int]
-) -> dict[int, float]:
-    """Return how far each tool is pulled back at least, mm, before the contours `taken`."""
-    least: dict[int, float] = {}
-    for c in taken & since.keys():
-        tool = int(job.contours.tool[c])
-        least[tool] = min(least.get(tool, np.inf), since[c].pulled)
-    return {tool: deep for tool, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
 
 
 def belongs_to_bead(block: Block) -> bool:
@@ -300,12 +292,7 @@ def check_hot_ends(
 ) -> list[Fault]:  # fmt: skip
     """Check that each bead of heads' files is laid with its hot end told what the source tells it.
 
-    Parameters
-    ----------
-    heads
-        Each head's file, with the beads in it.
-    source : bytes
-        The source's text.
+    `heads` has each file with the beads in it, `source` is the source's text.
     """
     tools = _tools_of(source, job, every=heat_due(document, job).one_hot_end)
     words = list[str]()

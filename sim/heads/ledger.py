@@ -86,9 +86,7 @@ def dues_of(job: PrintJob, document: GcodeDocument) -> Dues:
         if stands < 0:
             net[c] = book.before.net[k]
             continue
-        last = spans[stands]
-        assert last is not None
-        at = int(np.searchsorted(line, last[1] + 1))
+        at = int(np.searchsorted(line, spans[stands][1] + 1))
         pushed = float(book.before.net[k] - owed[tools[book.bead[k]]][at])
         if stands == 0:
             start = pushed

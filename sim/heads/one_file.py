@@ -70,17 +70,17 @@ def walk_file(
     tool, heat = _tool_of(actions, job), heat_due(document, job)
     idling = Idling.of(own.idle, actions, job, tool, timed=not read)
     due = _DueCommands.of(actions, job, document, tool, all_heat=heat.one_hot_end)
-    whole, file = file, _without_early_heat(file, due.start)
-    words: list[str] = []
-    outline = _outlined(file, job, document, due, own.park, words)
-    part = outline.part
+    whole, words = file, list[str]()
+    early = heats_early(file.rest, next((sync.line for sync in file.syncs), 0), due.start)
+    file = replace(file, rest=file.rest[early:], others=file.others[early:])
+    low, high, part = _outlined(file, job, document, due, own.park, words)
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
     kept: Settings = frozenset()
-    if outline.low and len(np.unique(job.contours.tool)) > 1:
-        kept = kept_settings(file.track.table, int(file.track.at(file.rest[outline.low - 1][0])))
+    if low and len(np.unique(job.contours.tool)) > 1:
+        kept = kept_settings(file.track.table, int(file.track.at(file.rest[low - 1][0])))
     begins = _begin_of_end(file, document, due, part)
     words += _check_end(file, document, begins, kept, others=others)
-    blocks = _take_blocks(file, document, due.blocks, outline.low, outline.high, words)
+    blocks = _take_blocks(file, document, due.blocks, low, high, words)
     taken = {line for lines in blocks for line in lines}
     if others and taken:
         words += _check_left(file, max(taken), part.end_code)
@@ -99,9 +99,10 @@ def walk_file(
         words += wrong
         if tool is not None:
             first = walk.first[int(np.flatnonzero(actions.kind == ActionKind.PRINT)[0])]
-            verbatim = {line for line, _ in file.rest[: outline.low]} | taken
+            verbatim = {line for line, _ in file.rest[:low]} | taken
             words += unheated(file.rest, file.others, first, heat, verbatim)
-    words += _foreign(file, document, outline.body(file), taken | at_standby)
+    body = file.rest[low][0] if low < len(file.rest) else part.end_code
+    words += _foreign(file, document, range(body, part.end_code), taken | at_standby)
     words += [f"line {sync.line}{what}" for sync in file.syncs for what in sync.amiss]
     where = f"head {actions.head}, "
     faults = listed(FaultKind.COMMAND, [where + text for text in words])
@@ -149,27 +150,6 @@ class _DueCommands:
         return cls(own, start, blocks, of_end(document.postamble), of_end)
 
 
-@dataclass(frozen=True, slots=True)
-class _Outline:
-    """What a file has above and below what it prints."""
-
-    low: int  # row of `rest` below the set-up
-    high: int  # row of `rest` at which the end code begins
-    part: FileParts
-
-    def body(self, file: HeadFile) -> range:
-        """Return the lines from below the set-up to above the end code."""
-        begin = file.rest[self.low][0] if self.low < len(file.rest) else self.part.end_code
-        return range(begin, self.part.end_code)
-
-
-def _without_early_heat(file: HeadFile, start: list[bytes]) -> HeadFile:
-    """Return a file without the first rows that heat what its start code heats anyway."""
-    wait = next((sync.line for sync in file.syncs), 0)
-    early = heats_early(file.rest, wait, start)
-    return replace(file, rest=file.rest[early:], others=file.others[early:])
-
-
 def _outlined(
     file: HeadFile,
     job: PrintJob,
@@ -177,8 +157,11 @@ def _outlined(
     due: _DueCommands,
     park: Point,
     words: list[str],
-) -> _Outline:
-    """Return where the parts of a file begin; writes what is wrong with them into `words`."""
+) -> tuple[int, int, FileParts]:
+    """Return where the parts of a file begin; writes what is wrong with them into `words`.
+
+    First the rows of `rest` below the set-up and at which the end code begins.
+    """
     low, parked = _match_start(file, job, document, due.start, park, words)
     high = len(file.rest) - len(due.end)
     if high < low or [code for _, code in file.rest[high:]] != due.end:
@@ -188,14 +171,19 @@ def _outlined(
     before = file.motion.before
     begin, end = int(before[min(parked, len(file.lines))]), int(before[end_code - 1])
     first = file.rest[0][0] if file.rest else 1
-    return _Outline(low, high, FileParts(first, parked, end_code, begin, max(begin, end)))
+    return low, high, FileParts(first, parked, end_code, begin, max(begin, end))
 
 
 def _begin_of_end(
     file: HeadFile, document: GcodeDocument, due: _DueCommands, part: FileParts
 ) -> int:
-    """Return the row at which the source's end code begins, comments of it too."""
-    above = min(part.end_code, _below_end(file)) - 1
+    """Return the row at which the source's end code begins, comments of it too.
+
+    Below it may stand a signal that it has run, last of all and with an M400 of its own.
+    """
+    above, last = part.end_code - 1, file.syncs[-1] if file.syncs else None
+    if last is not None and last.signal and not (file.rest and file.rest[-1][0] > last.line):
+        above = min(above, last.line - 2)
     return begin_of_verbatim(file.lines.raw, above, document.postamble, due.of_end)
 
 
@@ -317,17 +305,6 @@ def _check_end(
     has = states_in_force(file.track.table, state)
     words += words_of(has, states_in_force(document.states, end.state), kept)
     return [f"before the end code {text}" for text in words]
-
-
-def _below_end(file: HeadFile) -> int:
-    """Return the first line (from 1) below the end code: a signal that it has run, if it is last.
-
-    Such a signal has an M400 of its own.
-    """
-    beyond, last = len(file.lines) + 1, file.syncs[-1] if file.syncs else None
-    if last is None or not last.signal or any(line > last.line for line, _ in file.rest[-1:]):
-        return beyond
-    return last.line - 1
 
 
 def _check_left(file: HeadFile, last: int, end_code: int) -> list[str]:
