@@ -8,6 +8,7 @@ come in. What rounding put into neighbouring cells is then matched by distance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,13 @@ class Segments:
     feed: Floats  # (n,) mm/s
     place: Ints  # (n,) line or contour
     word: str  # "line" or "contour"
+
+    @staticmethod
+    def joined(parts: Sequence[Segments]) -> Segments:
+        """Return all segments of some, in order."""
+        columns = ("ends", "extrusion", "feed", "place")
+        joined = (np.concatenate([getattr(part, name) for part in parts]) for name in columns)
+        return Segments(*joined, parts[0].word)
 
     def at(self, rows: Ints) -> Segments:
         """Return some of the segments."""
@@ -237,7 +245,11 @@ def compare(ours: Segments, source: Segments, match: Ints) -> list[Fault]:
         *ours.faults(FaultKind.EXTRUSION, foreign, "is not in the source"),
     ]
     faults += altered(ours, source, match)
-    return faults + _compare_total(ours, source)
+    a, b = float(ours.extrusion.sum()), float(source.extrusion.sum())
+    if abs(a - b) > 0.01 + 1e-6 * len(source.extrusion):  # each may be rounded in the fifth decimal
+        text = f"{a:.5f} mm of filament, the source has {b:.5f} mm"
+        faults.append(Fault(FaultKind.E_TOTAL, text))
+    return faults
 
 
 def altered(ours: Segments | Turns, source: Segments | Turns, match: Ints) -> list[Fault]:
@@ -255,11 +267,3 @@ def altered(ours: Segments | Turns, source: Segments | Turns, match: Ints) -> li
         ]
         faults += listed(kind, lines, total=len(off))
     return faults
-
-
-def _compare_total(ours: Segments, source: Segments) -> list[Fault]:
-    """Compare the filament used; each segment may be rounded in the fifth decimal."""
-    a, b = float(ours.extrusion.sum()), float(source.extrusion.sum())
-    if abs(a - b) <= 0.01 + 1e-6 * len(source.extrusion):
-        return []
-    return [Fault(FaultKind.E_TOTAL, f"{a:.5f} mm of filament, the source has {b:.5f} mm")]

@@ -46,11 +46,8 @@ def check_structure(document: PlanDocument) -> list[Fault]:
     ]
     if len({h.head for h in heads}) < len(heads):
         lines.append("a head appears twice in the plan")
-    faults = listed(FaultKind.MACHINE, lines)
-    wrong: list[str] = []
-    for actions in heads:
-        wrong += _bad_indices(actions, heads, len(document.contours))
-    return faults + listed(FaultKind.WRONG_PATH, wrong)
+    wrong = [line for h in heads for line in _bad_indices(h, heads, len(document.contours))]
+    return listed(FaultKind.MACHINE, lines) + listed(FaultKind.WRONG_PATH, wrong)
 
 
 def _bad_indices(actions: HeadActions, heads: tuple[HeadActions, ...], n: int) -> list[str]:
@@ -179,11 +176,11 @@ def _check_waits(actions: HeadActions) -> list[Fault]:
 
 def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
     """Check that each print runs along its contour."""
-    lines = []
-    for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
-        problem = _print_problem(contours, actions, a)
-        if problem:
-            lines.append(f"{describe(actions, a)} {problem}")
+    lines = [
+        f"{describe(actions, a)} {problem}"
+        for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist()
+        if (problem := _print_problem(contours, actions, a))
+    ]
     return listed(FaultKind.WRONG_PATH, lines)
 
 
@@ -270,19 +267,19 @@ class Legs:
         size = int(np.diff(self.whole[head].path_offsets)[action])
         return words if high - low == size - 1 else f"{words}, points {low} to {high}"
 
-    def describe_rest(self, head: int, leg: int) -> str:
-        """Return the words for the rest behind one leg: within its action or after it."""
-        words = describe(self.whole[head], int(self.origin[head][leg]))
-        inside = leg + 1 < len(self.origin[head]) and not np.diff(self.origin[head])[leg]
-        if inside:
-            return f"{words} at point {self._points(head, leg)[1]}"
-        return f"the rest after {words}"
-
     def station(self, head: int, leg: int, rest: bool = False) -> str:
         """Return the words for a leg, the rest behind it, or (-1) what is before the first."""
         if leg < 0:
             return f"head {self.whole[head].head} before its first action"
-        return self.describe_rest(head, leg) if rest else self.describe(head, leg)
+        if not rest:
+            return self.describe(head, leg)
+        words = describe(self.whole[head], int(self.origin[head][leg]))
+        inside = leg + 1 < len(self.origin[head]) and not np.diff(self.origin[head])[leg]
+        return (
+            f"{words} at point {self._points(head, leg)[1]}"
+            if inside
+            else f"the rest after {words}"
+        )
 
     def _points(self, head: int, leg: int) -> tuple[int, int]:
         """Return the first and the last vertex of a leg, counted in its action's path."""

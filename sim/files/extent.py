@@ -5,7 +5,7 @@ is its slicer's business. What is judged: no print is larger than the bed (purge
 role CUSTOM, are drawn beside it on purpose); nothing goes lower than the bed, z = 0, or
 than the source goes; and nothing leaves the rectangle round bed, source and park.
 
-`PrintedFile` is a one-head file as the judge sees it: moves, and beads that grow with them.
+Below is a one-head file as the judge sees it: moves, and beads that grow with them.
 """
 
 from __future__ import annotations

@@ -103,15 +103,15 @@ def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:
                 known = {*stated, f"hot end {tool}", "bed", "chamber"}
             if _HOMES.match(code):
                 known = {heater for heater in known if heater.startswith("hot")}
-            by = _shown(code) if own_tool else f"command {others} that may heat"
+            by = (
+                f"'{code.decode('utf-8', 'replace')}'"
+                if own_tool
+                else f"command {others} that may heat"
+            )
             stated |= dict.fromkeys(known, f"as {by} left it")
         hot = {f"hot end {tool}"} if own_tool else set(stated)
         counts = ((key, value) for key, value in stated.items() if key in hot or key in _OF_ALL)
         yield number, tuple(sorted(counts))
-
-
-def _shown(code: bytes) -> str:
-    return f"'{code.decode('utf-8', 'replace')}'"
 
 
 def _differing(ours: StatedHeats, theirs: StatedHeats) -> str:

@@ -77,13 +77,7 @@ def plan_of_files(
     dots = _dots_of(job)
     laying = [_laying(file, dots) for file in files]
     segments = [_segments(file, rows) for file, rows in zip(files, laying, strict=True)]
-    ours = Segments(
-        np.concatenate([s.ends for s in segments]),
-        np.concatenate([s.extrusion for s in segments]),
-        np.concatenate([s.feed for s in segments]),
-        np.concatenate([s.place for s in segments]),
-        "line",
-    )
+    ours = Segments.joined(segments)
     parts = _by_file(segments, _contours(ours, contour_segments(job.contours)))
     loops = [
         path
@@ -167,7 +161,9 @@ def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act
     motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
     laid = dict(zip(rows.tolist(), contour.tolist(), strict=True))
     acts: list[_Act] = []
-    for m in np.union1d(_moving(file), rows).tolist():
+    begin = _begin(file)
+    moving = np.flatnonzero((np.diff(motion.points[begin:], axis=0) != 0).any(axis=1)) + begin
+    for m in np.union1d(moving, rows).tolist():
         line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
         last = acts[-1] if acts else None
         if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
@@ -187,13 +183,6 @@ def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act
         else:
             before.path[-1] = act.path[0]
     return acts
-
-
-def _moving(file: HeadFile) -> Ints:
-    """Return the moves after the set-up that change the position."""
-    begin = _begin(file)
-    moved = (np.diff(file.motion.points[begin:], axis=0) != 0).any(axis=1)
-    return np.flatnonzero(moved) + begin
 
 
 def _laying(file: HeadFile, dots: cKDTree | None) -> Ints:

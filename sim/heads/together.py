@@ -140,16 +140,15 @@ M42 = re.compile(r"\s*M42\b(.*)", re.I)
 
 def check_words(words: SyncWords, release: Release) -> list[Fault]:
     """Check the lines of the files themselves."""
-    lines = list(_of_wait(words))
-    lines += list(_of_passed(words.passed)) if release == "point" else []
-    return listed(FaultKind.COMMAND, lines)
-
-
-def _of_wait(words: SyncWords) -> Iterator[str]:
+    lines = list[str]()
     if _RESUMED.match(words.wait):
-        yield f"'{words.wait}': what resumes before the pause is dropped, so the head never goes on"
+        dropped = "what resumes before the pause is dropped, so the head never goes on"
+        lines.append(f"'{words.wait}': {dropped}")
     if SYSTEMS.match(words.wait):
-        yield f"'{words.wait}' is for motion systems of one board, files are for one each"
+        lines.append(f"'{words.wait}' is for motion systems of one board, files are for one each")
+    if release == "point":
+        lines += _of_passed(words.passed)
+    return listed(FaultKind.COMMAND, lines)
 
 
 def _of_passed(line: str) -> Iterator[str]:

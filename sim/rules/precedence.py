@@ -84,7 +84,8 @@ def check_touching(contours: Contours, prints: Prints, rules: OrderRules) -> lis
     """Check that what touches on a layer keeps the source's order as its roles demand."""
     lines: list[str] = []
     if len(contours) and (rules.quality or rules.process_order == "keep"):
-        shapes = _lines_of(contours)
+        owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+        shapes = np.asarray(shapely.linestrings(contours.points[:, :2], indices=owner))
         for a, b in _near(contours, shapes, rules):
             wrong = ~prints.kept(a, b)
             a, b = a[wrong], b[wrong]
@@ -100,12 +101,6 @@ def _broken(contours: Contours, a: int, b: int) -> str:
         f"contour {a} ({roles[0]}) must end before contour {b} ({roles[1]}) begins: "
         f"they touch on layer {contours.layer[a]}"
     )
-
-
-def _lines_of(contours: Contours) -> NDArray[np.object_]:
-    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
-    lines: NDArray[np.object_] = shapely.linestrings(contours.points[:, :2], indices=owner)
-    return lines
 
 
 def _near(
