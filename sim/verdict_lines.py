@@ -84,7 +84,6 @@ def nearest_facts(verdict: Verdict) -> dict[str, Any]:
 
 
 def _counted(counts: Mapping[str, float]) -> str:
-    """Return how much was looked at, in words."""
     words = []
     for key, one, many in (
         ("files", "file", "files"),

@@ -175,7 +175,6 @@ def _check_waits(actions: HeadActions) -> list[Fault]:
 
 
 def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
-    """Check that each print runs along its contour."""
     lines = [
         f"{describe(actions, a)} {problem}"
         for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist()

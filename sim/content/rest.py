@@ -97,7 +97,6 @@ def check_rest(
 
 
 def _twice(looked: _Looked) -> list[Fault]:
-    """Return what the rest has twice, and what of it was printed before."""
     rows = np.flatnonzero(looked.spans.of[: looked.there] != NO_MATCH)
     of = looked.spans.of[rows]
     order, before = reached_before(of, looked.spans.low[rows], looked.spans.high[rows])
@@ -127,7 +126,6 @@ def _turned(looked: _Looked, whole: Contours) -> list[Fault]:
 def _other_tools(
     looked: _Looked, rest: Contours, whole: Contours, print_with: Mapping[int, int]
 ) -> list[Fault]:
-    """Return what is printed with a tool that nobody has allowed."""
     of = looked.spans.of[: looked.rest]
     rows = np.flatnonzero(of != NO_MATCH)
     mine = rest.tool[looked.ours.place[rows]].astype(np.int64)

@@ -161,7 +161,6 @@ def _filled(
 
 
 def _filament_at_end(contours: Contours, first: int, last: int, length: float) -> float:
-    """Return what the last `length` mm of a contour lay down."""
     way = _lengths(contours.points[first : last + 1])
     laid = np.concatenate([[0.0], np.cumsum(contours.extrusion[first + 1 : last + 1])])
     return float(laid[-1] - np.interp(way[-1] - length, way, laid))

@@ -50,11 +50,7 @@ def as_taken(printed: Ints, job: PrintJob, document: GcodeDocument, moves: Motio
     """Return a source as a file takes it; None where the file changes tools as the source does.
 
     Also where it crosses what is no change of tools: then it is judged by the source as it stands.
-
-    Parameters
-    ----------
-    printed
-        The contours in the file's order, each once or more often in a row.
+    `printed` are the contours in the file's order, each once or more often in a row.
     """
     printed = printed[printed >= 0]
     loose = _loose(document, moves)
@@ -90,16 +86,9 @@ def _made(
 ) -> list[tuple[int, int]] | None:  # fmt: skip
     """Return the blocks that a file has to have, in its order: epoch of the file, and which it is.
 
-    None where it changes tools as the source never does.
-
-    Parameters
-    ----------
-    numbers
-        Epochs of the file that begin with a change of tools, or in another stretch.
-    pairs
-        Which tools change there; None: a stretch begins.
-    firsts
-        The least epoch of the source in each's stretch.
+    None where it changes tools as the source never does. `numbers` are epochs of the file that
+    begin with a change of tools (`pairs`) or in another stretch (None), `firsts` the least epoch
+    of the source in each's stretch.
     """
     blocks, made, stood = document.blocks, list[tuple[int, int]](), 0
     walls = [k for k in range(len(blocks)) if k not in loose]

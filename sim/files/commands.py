@@ -77,12 +77,7 @@ def check_commands(
 ) -> tuple[list[Fault], Verbatim]:
     """Check all that a one-head file commands besides its beads; tell where the source's lines are.
 
-    Parameters
-    ----------
-    document : GcodeDocument
-        Start code, end code, blocks and states of the source.
-    line, epoch : (n,)
-        Where the file lays each known bead, from 1, and the epoch the source has it in.
+    `line` is where the file lays each known bead, from 1, `epoch` the one the source has it in.
     """
     text = text.rstrip()
     rows = text.split(b"\n")

@@ -208,17 +208,11 @@ def beads_of(motions: Motions, laid: Ints, match: Ints) -> Beads:
 
     Only contours count: a purge line of the start code has no stated size, and the start code
     is not reordered. A contour may slope over itself where it runs as in the source. In another
-    traversal each of its segments is material for the next ones.
-
-    Parameters
-    ----------
-    motions : Motions
-    laid : (n,) from `laying_moves`
-    match : (n,) for each laying move the place of its segment in the source
+    traversal each of its segments is material for the next ones. `match` is for each of the
+    `laying_moves` the place of its segment in the source, (n,).
     """
-    rows = laid
-    contour = np.asarray(motions.contour, np.int64)[rows]
-    rows, match, contour = (values[contour >= 0] for values in (rows, match, contour))
+    contour = np.asarray(motions.contour, np.int64)[laid]
+    rows, match, contour = (values[contour >= 0] for values in (laid, match, contour))
     if not len(rows):
         raise ValueError("no contour in the file")
     begins = np.concatenate([[True], contour[1:] != contour[:-1]])
@@ -227,11 +221,6 @@ def beads_of(motions: Motions, laid: Ints, match: Ints) -> Beads:
     forward = np.concatenate([[True], (np.diff(match) == 1) | begins[1:]])
     as_sliced = np.logical_and.reduceat(forward, np.nonzero(begins)[0])[run]
     since = np.where(as_sliced, rows[last[run]], rows) + 1
-    return Beads(
-        motions.points[rows],
-        motions.points[rows + 1],
-        np.asarray(motions.width, np.float64)[rows],
-        np.asarray(motions.height, np.float64)[rows],
-        since,
-        np.asarray(motions.line, np.int64)[rows],
-    )
+    width, height = np.asarray(motions.width)[rows], np.asarray(motions.height)[rows]
+    line = np.asarray(motions.line, np.int64)[rows]
+    return Beads(motions.points[rows], motions.points[rows + 1], width, height, since, line)

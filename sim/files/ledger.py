@@ -45,16 +45,8 @@ def check_filament(
     """Check the filament of a one-head file against its source's; linear in their moves.
 
     What the source pushes and pulls for a change of tools goes with that change, as often as the
-    file makes it.
-
-    Parameters
-    ----------
-    places
-        Where the file has the source's own lines.
-    laid : (k,), (k,)
-        Moves of the file that lay beads, and the source's contour each is of, -1: of none.
-    taken
-        The source as a file takes it that changes tools elsewhere; None: as it stands.
+    file makes it. `places` says where the file has the source's own lines, `laid` which moves of it
+    lay beads, (k,), and the source's contour each is of, -1: of none.
     """
     given = document if taken is None else taken.given
     laid = _contours_of(motions, *laid)

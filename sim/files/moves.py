@@ -92,12 +92,8 @@ def check_moves(
 ) -> Matched:
     """Check the moves of a file; whatever judges a file of one head asks here.
 
-    Parameters
-    ----------
-    job : PrintJob | None
-        The source's print; when given, nothing may have moved across its barriers.
-    seams : Sequence[Moved]
-        Loops of `job` the file enters at another vertex.
+    With the source's `job` nothing may have moved across its barriers. `seams` are loops of it
+    that the file enters at another vertex.
     """
     given, turns, moved = source, turns_of(source), {seam.contour for seam in seams}
     if job is not None:
@@ -141,23 +137,12 @@ def _check_material(
     """Move the first head of the machine through the file.
 
     Contacts between contours are none to report where the source makes them too
-    (`sim.replay.contacts`). Those of other moves are warnings where the source makes the same
-    move behind the same bead, in its end code for one.
+    (`sim.replay.contacts`); without its `contours` none is. Those of other moves are warnings where
+    the source makes the same move behind the same bead, in its end code for one. Returns faults,
+    warnings, and the least gap from the first contour to the last.
 
-    Parameters
-    ----------
-    laid : (n,)
-        The moves that lay material.
-    contour : (n,)
-        Which contour of the source each of them prints; below 0: none.
-    match : (n,)
-        Which of the source's segments, in the source's order.
-    contours : Contours | None
-        The source's; None: no contact between them is its own.
-
-    Returns
-    -------
-    The faults, the warnings, and the least gap from the first contour to the last.
+    `laid` are the moves that lay material, `contour` and `match` which contour of the source, and
+    which of its segments in its order, each of them prints; below 0: none, (n,).
 
     Raises
     ------

@@ -63,15 +63,8 @@ def check_settings(
 ) -> list[Fault]:  # fmt: skip
     """Check that each bead is laid under the settings it is laid under in the source.
 
-    Parameters
-    ----------
-    ours, theirs
-        What the file sets, and its source.
-    line, source_line : (n,)
-        Where each bead is laid in the file, and where in the source, from 1.
-    alike : (n,)
-        Equal for beads that are alike in place, filament and feed: each may be any of them.
-        None: no two are.
+    Each is laid in `line` of the file and in `source_line` of the source, from 1, (n,). `alike` is
+    equal for beads that are alike in place, filament and feed: each may be any of them.
     """
     books = {
         name: (ours.get(name, []), theirs.get(name, [])) for name in dict.fromkeys([*theirs, *ours])

@@ -54,14 +54,8 @@ def check_temperatures(
 
     With `own_tool`, for files that change tools elsewhere: all heaters but hot ends of other tools.
     A tool that is chosen then keeps what it was told, and what any other command that may heat has
-    left is known by what it says.
-
-    Parameters
-    ----------
-    text, source
-        The file and its source.
-    line, source_line : (n,)
-        Where each bead is laid in the file, and where in the source, from 1.
+    left is known by what it says. Each bead is laid in `line` of the file and in `source_line` of
+    the source, from 1, (n,).
     """
     ours, theirs = (list(_book(each, own_tool)) for each in (text, source))
     number = {
@@ -115,7 +109,6 @@ def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:
 
 
 def _differing(ours: StatedHeats, theirs: StatedHeats) -> str:
-    """Return the words for the first heater that is told something else."""
     mine, own = dict(ours), dict(theirs)
     heater = next(h for h in sorted({*mine, *own}) if mine.get(h) != own.get(h))
     here, there = mine.get(heater, "told nothing"), own.get(heater, "told nothing")

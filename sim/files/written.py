@@ -247,7 +247,6 @@ def _check_stands(dwells: Sequence[Dwell], motions: Motions, matched: Matched) -
 
 
 def _dwells(text: bytes) -> Iterator[Dwell]:
-    """Yield each dwell of a text."""
     at, n = 0, 1
     for dwell in DWELL.finditer(text):
         n += text.count(b"\n", at, dwell.start())

@@ -188,7 +188,6 @@ def _begin_of_end(
 
 
 def _tool_of(actions: HeadActions, job: PrintJob) -> int | None:
-    """Return the tool that a head prints with first; None: it prints nothing."""
     tools = np.unique(job.contours.tool[actions.contour[actions.kind == ActionKind.PRINT]])
     return int(tools[0]) if len(tools) else None
 

@@ -131,7 +131,6 @@ def _beads(file: HeadFile, moves: Ints, contour: Ints) -> list[Floats]:
 
 
 def _parted(run: Ints, contour: Ints) -> list[Ints]:
-    """Return the beads of a run of moves."""
     known = np.flatnonzero(contour != NO_CONTOUR)
     if not len(known):
         return [run]
@@ -157,7 +156,6 @@ def _begin(file: HeadFile) -> int:
 
 
 def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act]:
-    """Return the actions of one file."""
     motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
     laid = dict(zip(rows.tolist(), contour.tolist(), strict=True))
     acts: list[_Act] = []
@@ -316,7 +314,6 @@ def _timed(
 
 
 def _lengths(actions: HeadActions) -> Floats:
-    """Return the length of each action's path."""
     paths = (actions.action_path(k) for k in range(len(actions)))
     lengths = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
     return np.array(lengths, np.float64)

@@ -52,15 +52,8 @@ def check_to_park(
 ) -> Verdict:  # fmt: skip
     """Check the texts of files that take heads to their parks, in the order to run them.
 
-    Parameters
-    ----------
-    document : PlanDocument
-        The plan that was broken off.
-    machine : Machine
-        With all heads, those that print no more too.
-    done : (n,) contours of the plan that are printed, or broken off
-    standing : Mapping[str, Whereabouts]
-        Where each head of the machine stands.
+    `document` is the plan that was broken off, `done` its contours that are printed, or broken
+    off, (n,). The machine has all heads, those that print no more too; `standing` says where.
     """
     replay = _Replay(document, machine, done, {n: one.pieces for n, one in standing.items()})
     faults = list[Fault]()

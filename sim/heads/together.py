@@ -39,14 +39,8 @@ def verify_heads(
 ) -> Verdict:  # fmt: skip
     """Check the files of all heads of a plan, in the plan's order of heads.
 
-    Parameters
-    ----------
-    paths : sequence of paths or files
-        Which may be read already.
-    job, document
-        The source the plan was made from.
-    read : bool
-        Whether the plan was read from these files (`sim.heads.plan`).
+    They may be read already. `job` and `document` are the source the plan was made from; with
+    `read` the plan was read from these files (`sim.heads.plan`).
     """
     try:
         files = [

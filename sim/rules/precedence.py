@@ -165,11 +165,8 @@ def _last_before(contours: Contours, actions: HeadActions) -> Ints:
 def check_file_epochs(line: Ints, match: Ints, source_epoch: Ints) -> list[Fault]:
     """Check a file: the epochs of its extrusions, taken from the source, never go back.
 
-    Parameters
-    ----------
-    line : (n,) line of each extrusion of the file, in its order
-    match : (n,) the source's extrusion each one is, negative when none
-    source_epoch : (m,) epoch of each extrusion of the source, negative outside contours
+    `line` is that of each extrusion, in the file's order, `match` the source's extrusion it is,
+    (n,), `source_epoch` the epoch of each of these, (m,); below 0: none.
     """
     known = np.nonzero(match >= 0)[0]
     epoch = source_epoch[match[known]]
