@@ -1,11 +1,9 @@
 """Files in which tools change less often, or elsewhere, than in their source.
 
-A change of tools is *alike* another between the same two tools if it commands the same, word for
-word, and its filament is pulled above it and pushed behind it as much. Where it moves no axis and
-has no bead of a wipe tower beside it, it may be left out, or stand between two other contours of
-these tools. Which tool has to print what is the source's. So the order in which a file lays its
-beads says where it has to change tools, and to which. What stands there must be what the source has
-between these two tools.
+docs/gcode.md (*Fewer changes of tools, where one head has several*) says which changes are alike
+and may be left out. Which tool has to print what is the source's. So the order in which a file lays
+its beads says where it has to change tools, and to which. What stands there must be what the source
+has between these two tools.
 
 All this is found from the moves and the text of the source by a reading of the judge's own.
 """

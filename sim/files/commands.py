@@ -1,24 +1,17 @@
 """Everything in a file that is no contour, against its source.
 
-Start code, end code and blocks that stand at barriers must be the source's, command by
-command and in their place. Between contours only these commands are accepted: moves, which
-are simulated; retraction, which is counted; and commands that set a state, in the source's
-own words, whose effect is compared bead by bead elsewhere. Comments and progress (M73) command
-nothing. Every other command is a fault, known or not.
+docs/gcode.md (*What the judge accepts*) says which commands may stand where; every other command is
+a fault, known or not.
 
 **The book of commands**: what the source commands, the result commands. Both texts are read line by
 line, by a reading of the judge's own. A line commands what is left of it without its number, its
 checksum and its comments, in brackets or behind a semicolon. Words behind a comment in brackets
-command, as they do for firmwares that know such comments. A carriage return ends a line.
+command, as they do for firmwares that know such comments. A carriage return ends a line. Every
+command stands as often as in the source, but for those that other books keep: `_IN_OTHER_BOOKS`.
 
-Every command stands as often as in the source, but for those that other books keep: moves and
-filament (`sim.files.moves`, `sim.files.ledger`), how coordinates and filament are counted,
-progress, which is told anew, and what sets a state (`sim.files.settings` and, of heaters,
-`sim.files.temperatures`).
-
-**Lines.** Nearly all lines of a file are plain moves or comments. Neither of these functions
-decides what a line commands. They only name the lines that whoever asks would pass over, so that
-the rest alone is read with regular expressions.
+**Lines.** Nearly all lines of a file are plain moves or comments. `not_plain` and
+`no_comment_no_move` only name the lines that whoever asks would not pass over, so that these alone
+are read with regular expressions.
 """
 
 from __future__ import annotations

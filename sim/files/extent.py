@@ -176,10 +176,14 @@ def _too_large(contours: Contours, machine: Machine) -> list[str]:
 
 def laying_moves(motions: Motions) -> Ints:
     """Return the moves that lay down material."""
-    n = len(motions.line)
-    tool = np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
     known = np.asarray(motions.contour) >= 0
-    return laying_rows(motions.points, np.asarray(motions.extrusion), tool, known)
+    return laying_rows(motions.points, np.asarray(motions.extrusion), tools_of(motions), known)
+
+
+def tools_of(motions: Motions) -> Ints:
+    """Return the tool in use, (m,)."""
+    n = len(motions.line)
+    return np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
 
 
 def segments_of(motions: Motions, laid: Ints) -> Segments:

@@ -1,15 +1,9 @@
 """The judge's book of filament: what each tool pushes and pulls, from move to move of the file.
 
-The source is the measure. A stretch is what lies between two beads, or between a bead and lines
-that stand word for word as in the source. What its moves push less what they pull is its *net*.
-
-- Each tool gives in the whole file what it gives in the source.
-- The stretch before each contour has the net it has in the source, whatever comes before it. So a
-  bead begins with as much retracted, and what the source leaves on the spot is left.
-- The stretches before and behind the source's own lines have the nets they have there.
-- Nowhere within a stretch is more pulled, or more pushed beyond what was pulled, than the source
-  does with that tool.
-- A bead that is begun unretracted in the source is not begun retracted by the firmware.
+The source is the measure; docs/gcode.md (*What the judge accepts*) has the rules. A stretch is what
+lies between two beads, or between a bead and lines that stand word for word as in the source. What
+its moves push less what they pull is its *net*. A bead that is begun unretracted in the source is
+not begun retracted by the firmware.
 
 All this is counted in running sums of the moves. Nothing that the reader or the writer has found
 out about retraction is asked for.
@@ -28,6 +22,7 @@ from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
+from sim.files.extent import tools_of
 from sim.files.unretracted import SAME_MM, Spans, Ways, farther_unretracted
 
 TOTAL_MM = 1e-4  # by which the filament of a tool may differ in all
@@ -152,12 +147,6 @@ def _contours_of(motions: Motions, laid: Ints, contour: Ints) -> tuple[Ints, Int
     each = of_run[np.asarray(motions.contour)]
     rows = np.flatnonzero(each >= 0)
     return rows, each[rows]
-
-
-def tools_of(motions: Motions) -> Ints:
-    """Return the tool in use, (m,)."""
-    n = len(motions.line)
-    return np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
 
 
 def lines_in_source(document: GcodeDocument) -> list[tuple[int, int]]:

@@ -1,12 +1,8 @@
 """How far the nozzle travels unretracted, against the source: filament oozes there.
 
-Between two beads a file either retracts or does not. Where it does, it travels unretracted before
-that and after no farther than the source does where it retracts with that tool. Where it does not,
-it travels no farther than the source does where it does not, or less far than the next longer way
-on which the source retracts. Retracted is what is pulled at least half as far as the source pulls
-with that tool wherever it retracts.
-
-Counted from the moves alone, as all of `sim.files.ledger`.
+Where a file does not retract between two beads, it travels no farther than the source does where it
+does not, or less far than the next longer way on which the source retracts. docs/gcode.md has the
+other rules (*What the judge accepts*). Counted from the moves alone, as all of `sim.files.ledger`.
 """
 
 from __future__ import annotations

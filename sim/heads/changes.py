@@ -1,19 +1,11 @@
 """Which changes of tools of a source need not happen, where each head has one tool.
 
-Found from the source's text, line by line: how hot each tool is told to be where each contour is
-printed, and what else the lines of a change command. A change may be left out where
-
-- it commands nothing but choices of tools, temperatures of hot ends, moves, retractions, how E is
-  counted meanwhile, and what holds from bead to bead, which is compared bead by bead;
-- each tool is told to be as hot at its next contour as it was at its last;
-- no bead of a wipe tower stands beside it;
-- the tool that comes is left with at most `MOST_MM` of filament pushed, or pulled, in all.
-
-Lines of temperatures alone may be left out likewise. The filament of changes is the ledger's
-(`sim.heads.ledger`). What the source does with a tool at them is its practice, for heads that stand
-idle (`sim.heads.idle`): how far it is pulled back at least, how hot it is left at most, and what is
-pushed beyond what was pulled, alike at each change to it. How hot a head is where it prints is
-looked at in its file.
+Found from the source's text, line by line, by the rules of docs/gcode.md (*Changes of tools, where
+each head has its own*); what holds from bead to bead is compared bead by bead. The filament of
+changes is the ledger's (`sim.heads.ledger`). What the source does with a tool at them is its
+practice, for heads that stand idle (`sim.heads.idle`): how far it is pulled back at least, how hot
+it is left at most, and what is pushed beyond what was pulled, alike at each change to it. How hot a
+head is where it prints is looked at in its file.
 """
 
 from __future__ import annotations

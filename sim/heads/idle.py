@@ -1,16 +1,11 @@
 """What heads do where they stand idle: pulled back further, cooled to standby, heated again.
 
-The head of a plan stands idle where, by the plan's times, its next action begins long after the
-one before has ended, or is a long rest; a bead of it must follow, and none of the source's own
-lines stand in between. There its filament is pulled back as far as the source does at changes of
-tools, or the machine says.
-
-Anywhere between two actions it may be told another temperature, in these lines and no others: M400,
-M104 to standby, a dwell, M104 back, what it waits for, M109. Nothing moves in between. When and for
-how long is not looked at: that costs time alone. One that stays hot instead is no fault.
-
-Files without their plan tell no times, so how far is pulled back is not looked at then. How hot a
-head may be where it prints is compared elsewhere, bead by bead (`sim.heads.changes`).
+docs/gcode.md (*Where a head stands idle*) says where and how. By the plan's times a head's next
+action begins long after the one before has ended, or is a long rest; a bead of it must follow, and
+none of the source's own lines stand in between. Between two actions it may be told another
+temperature, in these lines and no others: M400, M104 to standby, a dwell, M104 back, what it waits
+for, M109. Files without their plan tell no times, so how far is pulled back is not looked at then.
+How hot a head may be where it prints is compared bead by bead (`sim.heads.changes`).
 """
 
 from __future__ import annotations

@@ -1,17 +1,10 @@
 """The judge's book of filament over the files of several heads.
 
-The source is the measure, as in `sim.files.ledger`. A bead takes with it what the source's moves
-push less what they pull in the gap before it (its *net*), whichever head prints it. So all heads'
-files together give with each tool what the source gives, and a bead begins with as much retracted.
-
-Around lines of the source that stand word for word (blocks):
-
-- What a block holds, and what is pushed and pulled beside it, belongs to the contour behind it: the
-  head that prints that contour has it, no other.
-- Where tools change in a block, or a pause or an unknown command may move filament, each head that
-  has its lines has what belongs to them too: each does so with filament of its own.
-- Likewise the start code: each head begins with as much retracted as its lines leave, and makes up
-  for as much more, or less, as the source does.
+The source is the measure, as in `sim.files.ledger`; docs/gcode.md has the rules (*Files of several
+heads*). A bead takes with it what the source's moves push less what they pull in the gap before it
+(its *net*), whichever head prints it. What stands beside lines of the source that are kept word for
+word (blocks) belongs to the contour behind them, or, where a block may move filament unseen, to
+each head that has its lines. Each head begins with as much retracted as the start code leaves.
 
 How much is retracted is counted here, from the moves of the files and of the source.
 """
@@ -30,6 +23,7 @@ from decmcts.print.job import PrintJob
 from sim.arrays import Floats, Ints
 from sim.content.pieces import beginnings
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.extent import tools_of
 from sim.files.ledger import (
     MORE_MM,
     NET_MM,
@@ -37,7 +31,6 @@ from sim.files.ledger import (
     Book,
     in_words,
     lines_in_source,
-    tools_of,
     ways_of,
 )
 from sim.files.unretracted import Spans, Ways, farther_unretracted

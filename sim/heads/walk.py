@@ -59,32 +59,6 @@ class Walk:
         return lines
 
 
-@dataclass(frozen=True, slots=True)
-class _PlainMoves:
-    """The moves of a file as plain numbers, for what is asked of one move at a time."""
-
-    x: list[float]  # (m,) where each ends
-    y: list[float]
-    z: list[float]
-    extrusion: list[float]  # (m,)
-    feed: list[float]  # (m,)
-    line: list[int]  # (m,) from 1
-    stays: list[bool]  # (m,) whether the position stays
-    state: list[int]  # (m,) row of the states in force
-
-    @classmethod
-    def of(cls, file: HeadFile) -> _PlainMoves:
-        """Return the moves of a file."""
-        motion = file.motion
-        x, y, z = motion.points.T.copy()
-        stays = np.logical_and.reduce([np.abs(np.diff(axis)) < 1e-9 for axis in (x, y, z)])
-        return cls(
-            x[1:].tolist(), y[1:].tolist(), z[1:].tolist(), motion.extrusion.tolist(),
-            motion.feed.tolist(), (motion.line + 1).tolist(), stays.tolist(),
-            file.track.at(motion.line).tolist(),
-        )  # fmt: skip
-
-
 class Walker:
     """Walks the moves begin..end - 1 of a file along its head's actions."""
 
@@ -101,8 +75,12 @@ class Walker:
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._kept = kept
-        self._moves = _PlainMoves.of(file)
-        self._line, self._stays = self._moves.line, self._moves.stays
+        motion = file.motion  # as plain numbers, for what is asked of one move at a time, each (m,)
+        self._to, self._feed = motion.points[1:].tolist(), motion.feed.tolist()
+        self._extrusion, self._line = motion.extrusion.tolist(), (motion.line + 1).tolist()
+        self._state = file.track.at(motion.line).tolist()  # row of the states in force
+        axes = motion.points.T.copy()
+        self._stays = (np.abs(np.diff(axes, axis=1)) < 1e-9).all(axis=0).tolist()
         self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()
         self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
@@ -158,7 +136,7 @@ class Walker:
         return ""  # it rests: `sim.heads.order` looks for the dwell
 
     def _travel(self, k: int) -> str:
-        moves, rows = self._moves, slice(self._bounds[k], self._bounds[k + 1])
+        rows = slice(self._bounds[k], self._bounds[k + 1])
         path, apart = self.actions.path[rows], self._apart[rows]
         line = self._line[self.at - 1]
         reached = self.walk.reached[k] = []
@@ -170,8 +148,7 @@ class Walker:
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
-            at = self.at
-            here, line = (moves.x[at], moves.y[at], moves.z[at]), moves.line[at]
+            here, line = self._to[self.at], self._line[self.at]
             if (
                 abs(here[0] - x) > SAME_MM
                 or abs(here[1] - y) > SAME_MM
@@ -179,10 +156,10 @@ class Walker:
             ):
                 due = _xyz((x, y, z))
                 return f"line {line} goes to {_xyz(here)}, the plan's action {k} to {due}"
-            if abs(moves.extrusion[at]) > E_MM:
+            if abs(self._extrusion[self.at]) > E_MM:
                 return f"line {line} pushes filament while it travels"
-            if not self._travels(moves.feed[at]):
-                return f"line {line} travels at {moves.feed[at]:.3f} mm/s"
+            if not self._travels(self._feed[self.at]):
+                return f"line {line} travels at {self._feed[self.at]:.3f} mm/s"
             self._step(k)
             reached.append(line)
         return ""
@@ -203,7 +180,7 @@ class Walker:
         stop = self.at + len(laid.extrusion)
         self.walk.laid.append(ContourMoves(contour, self.at, stop))
         if stop <= self.end and self._as_laid(laid, stop):
-            reached += self._moves.line[self.at : stop]
+            reached += self._line[self.at : stop]
             if stop > self.at:
                 self._step(k)
             self.at = stop
@@ -213,7 +190,7 @@ class Walker:
     def _as_laid(self, laid: Laid, stop: int) -> bool:
         """Tell whether all moves up to `stop` lay down what they should, in one look at each."""
         motion, rows = self.file.motion, slice(self.at, stop)
-        mine = self._moves.state[rows]
+        mine = self._state[rows]
         return bool(
             (np.abs(motion.points[self.at + 1 : stop + 1] - laid.points[1:]) <= SAME_MM).all()
             and (np.abs(motion.extrusion[rows] - laid.extrusion) <= E_MM).all()
@@ -242,7 +219,7 @@ class Walker:
             ):
                 if abs(has - due) > tolerance:
                     return f"line {line} has {has:.5f} {unit}, contour {contour} {due:.5f}"
-            if problem := self._other_state(self._moves.state[self.at], states[s]):
+            if problem := self._other_state(self._state[self.at], states[s]):
                 return f"line {line}: {problem}"
             self._step(k)
             reached.append(line)
