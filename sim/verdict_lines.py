@@ -52,10 +52,10 @@ def sentences(verdict: Verdict) -> list[Sentence]:
     if counted := _counted(counts):
         found.append(Sentence("checked", counted))
     found += [Sentence("checked", line) for line in _timings(counts)]
-    found += [
-        Sentence("nearest", _gap_line(gap, words), " beside ".join(gap.at))
-        for gap, words in _gaps(verdict)
-    ]
+    for gap, words in _gaps(verdict):
+        least = "at least " if gap.at_least else ""
+        text = f"{words}: {least}{millimetres(gap.mm)} mm ({gap.required_mm:g} mm required)"
+        found.append(Sentence("nearest", text, " beside ".join(gap.at)))
     found += [Sentence("rule", rule) for rule in _rules(counts)]
     return found + [Sentence("asked", line) for line in verdict.checked]
 
@@ -124,11 +124,6 @@ def _gaps(verdict: Verdict) -> list[tuple[Gap, str]]:
     if (beside := verdict.nearest.beside) is not None:
         found.append((beside, "head and print, where a bead stands higher beside it"))
     return found
-
-
-def _gap_line(gap: Gap, words: str) -> str:
-    least = "at least " if gap.at_least else ""
-    return f"{words}: {least}{millimetres(gap.mm)} mm ({gap.required_mm:g} mm required)"
 
 
 def millimetres(value: float) -> str:

@@ -271,10 +271,11 @@ def _chosen(mine: Ints, of: Ints, low: Floats, high: Floats, due: Extruded, foun
     there: dict[int, list[tuple[float, float]]] = {k: [] for k in of[several].tolist()}
     for k in found.of[np.isin(found.of, list(there))].tolist():
         there[k].append((0.0, 1.0))
-    taken = dict[int, int]()
+    taken, tolerance = dict[int, int](), due.tolerance.tolist()
     for j in range(len(mine)):
         i, k, span = int(mine[j]), int(of[j]), (float(low[j]), float(high[j]))
-        is_free = k not in there or not _meets(span, there[k], float(due.tolerance[k]))
+        end = span[1] - tolerance[k]
+        is_free = not any(a < end and span[0] < b - tolerance[k] for a, b in there.get(k, []))
         if is_free and (i not in taken or taken[i] < 0):
             there.get(k, []).append(span)
             taken[i] = j
@@ -326,12 +327,6 @@ def _alike(ours: Segments, theirs: Segments, share: Floats) -> Flags:
 
 def _apart(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.linalg.norm(a - b, axis=1))
-
-
-def _meets(
-    span: tuple[float, float], others: list[tuple[float, float]], tolerance: float
-) -> bool:  # fmt: skip
-    return any(low < span[1] - tolerance and span[0] < high - tolerance for low, high in others)
 
 
 def reached_before(of: Ints, low: Floats, high: Floats) -> tuple[Ints, Floats]:

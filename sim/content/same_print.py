@@ -117,7 +117,11 @@ def check_machine(ours: Machine, named: Machine, source: PrintJob | None) -> lis
         return [_differs("heads", had, ", ".join(names) or "other heads")]
     faults = _differing("", ours, named, but=("name", "source", "heads", "limits"))
     for head, due in zip(ours.heads, named.heads, strict=True):
-        faults += _check_head(head, due, alone=len(names) == 1)
+        if len(names) == 1 and head.park[:2] == due.park[:2] and head.park[2] > due.park[2]:
+            due = replace(due, park=head.park)
+        if not due.tools:  # as of presets; then `launch` was told
+            due = replace(due, tools=head.tools)
+        faults += _differing(f"head {head.name}: ", head, due)
     if source is not None and not _same(ours.limits, named.limits):
         faults += _differing("limits: ", ours.limits, named.limits.under(source.limits))
     return faults
@@ -147,14 +151,6 @@ def _lessened(head: Head, ours: Head) -> Head:
         )
     )
     return replace(head, reach_min=ours.reach_min, reach_max=ours.reach_max) if within else head
-
-
-def _check_head(ours: Head, named: Head, *, alone: bool) -> list[Fault]:
-    if alone and ours.park[:2] == named.park[:2] and ours.park[2] > named.park[2]:
-        named = replace(named, park=ours.park)
-    if not named.tools:  # as of presets; then `launch` was told
-        named = replace(named, tools=ours.tools)
-    return _differing(f"head {ours.name}: ", ours, named)
 
 
 def _differing(what: str, ours: _Whole, named: _Whole, but: Sequence[str] = ()) -> list[Fault]:

@@ -152,18 +152,14 @@ def _filled(
     rest = total - float(extrusion.sum())
     if closing.any():
         gap = float(np.linalg.norm(contours.points[last] - contours.points[first]))
-        due = _filament_at_end(contours, first, last, gap)
+        way = _lengths(contours.points[first : last + 1])
+        laid = np.concatenate([[0.0], np.cumsum(contours.extrusion[first + 1 : last + 1])])
+        due = float(laid[-1] - np.interp(way[-1] - gap, way, laid))  # what its last mm lay down
         if abs(rest - due) > FLOW * due:
             return f"would fill its old seam with {rest:.5f} mm of filament instead of {due:.5f}"
         extrusion[closing] = rest
     source[0] = source[1]
     return ContourRun(path, extrusion, contours.feed[source], source)
-
-
-def _filament_at_end(contours: Contours, first: int, last: int, length: float) -> float:
-    way = _lengths(contours.points[first : last + 1])
-    laid = np.concatenate([[0.0], np.cumsum(contours.extrusion[first + 1 : last + 1])])
-    return float(laid[-1] - np.interp(way[-1] - length, way, laid))
 
 
 def seams_of_plan(actions: HeadActions) -> Iterator[Moved]:

@@ -161,23 +161,17 @@ def _check_material(
     contacts = file.contacts(machine, allowed, near)
     if (file.whose.own[[c.move for c in contacts]] < 0).any():
         forgiven = _forgiven(file, source)
-        warnings = _warnings(
-            file, file.contacts(machine, lambda *at: allowed(*at) | ~forgiven(*at))
-        )
+        own = file.contacts(machine, lambda *at: allowed(*at) | ~forgiven(*at))
+        warnings = tuple(file.text(c) for c in own[:SHOWN])
+        if (more := len(own) - SHOWN) > 0:
+            count = f"over {more}" if len(own) >= LOOKED_AT else str(more)
+            warnings += (f"and {count} more like it, as in the source",)
         contacts = file.contacts(machine, lambda *at: allowed(*at) | forgiven(*at))
     if not contacts:
         does = f"line {file.line[near.move]}"
         beside = near.gap(machine, 0, does, "the bead of line", file.beads.label)
     texts = [file.text(c) for c in contacts]
     return faults + listed(FaultKind.HEAD_MATERIAL, texts), warnings, beside
-
-
-def _warnings(file: _File, contacts: list[Contact]) -> tuple[str, ...]:
-    lines = [file.text(c) for c in contacts[:SHOWN]]
-    if (more := len(contacts) - SHOWN) > 0:
-        count = f"over {more}" if len(contacts) >= LOOKED_AT else str(more)
-        lines.append(f"and {count} more like it, as in the source")
-    return tuple(lines)
 
 
 def _forgiven(file: _File, source: Motions) -> Allowed:

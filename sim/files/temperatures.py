@@ -127,7 +127,10 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
 
     None where its epochs are no such phases, or none is set again.
     """
-    stated = _after_start(document.preamble)
+    stated: StatedDegrees = {}  # by start code, in words that name no tool
+    for code in codes_of(document.preamble):
+        if value := _IN_START.match(code):
+            stated["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])
     count = int(job.contours.epoch.max(initial=0)) + 1
     blocks = {block.epoch: block for block in document.blocks}
     if len(blocks) != len(document.blocks) or set(blocks) != set(range(1, count)) or job.refills:
@@ -150,15 +153,6 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
     kept = tuple(replace(blocks[k], epoch=int(phase[k])) for k in first)
     contours = replace(job.contours, epoch=phase[job.contours.epoch])
     return replace(job, contours=contours), replace(document, blocks=kept)
-
-
-def _after_start(preamble: bytes) -> StatedDegrees:
-    """Return what start code tells the heaters in words that name no tool."""
-    stated: StatedDegrees = {}
-    for code in codes_of(preamble):
-        if value := _IN_START.match(code):
-            stated["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])
-    return stated
 
 
 def _come_down(contours: Contours, phase: np.ndarray[tuple[int], np.dtype[np.int32]]) -> bool:

@@ -131,20 +131,15 @@ def as_planned(
     each head has one tool. Where the plan's epochs are neither it is the source as it stands, from
     which they then differ.
     """
-    as_it_stands = np.array_equal(epochs, job.contours.epoch)
-    if as_it_stands and not _one_tool_each(machine, job):
+    tools = set(job.contours.tool.tolist())
+    kept = [tools & set(head.tools) if head.tools else tools for head in machine.heads]
+    one_tool_each = len(tools) > 1 and max(map(len, kept)) <= 1
+    if not one_tool_each and np.array_equal(epochs, job.contours.epoch):
         return job, document
     found = without_changes(job, document)
     if found is not None and np.array_equal(epochs, found[0].contours.epoch):
         return found
     return job, document
-
-
-def _one_tool_each(machine: Machine, job: PrintJob) -> bool:
-    """Tell whether each head of a machine has one of a print's several tools at most."""
-    tools = set(job.contours.tool.tolist())
-    kept = [tools & set(head.tools) if head.tools else tools for head in machine.heads]
-    return len(tools) > 1 and max(map(len, kept)) <= 1
 
 
 def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:

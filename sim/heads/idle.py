@@ -59,8 +59,9 @@ class Idling:
         stands = frozenset(_idle_stands(actions, job, idle.after_s))
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
         pulled = actions.contour[prints[np.searchsorted(prints, sorted(stands))]]
-        primed = _idle_before(actions, idle.after_s)
-        return cls(practice, stands, frozenset(pulled.tolist()), primed)
+        ends = np.concatenate([[0.0], actions.end_s[prints]])[:-1]  # since when it lays none
+        primed = actions.contour[prints[actions.begin_s[prints] - ends >= idle.after_s]]
+        return cls(practice, stands, frozenset(pulled.tolist()), frozenset(primed.tolist()))
 
 
 def _idle_stands(actions: HeadActions, job: PrintJob, after_s: float) -> Iterator[int]:
@@ -78,17 +79,6 @@ def _idle_stands(actions: HeadActions, job: PrintJob, after_s: float) -> Iterato
             if (epoch := int(epochs[contour[k]])) == now:
                 yield from held
             held, now = [], epoch
-
-
-def _idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
-    """Return the contours before which a head has laid nothing for so long, by its plan's times.
-
-    Before its first one it has laid nothing since the heads begin.
-    """
-    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    ends = np.concatenate([[0.0], actions.end_s[rows[:-1]]]) if len(rows) else np.empty(0)
-    idle = np.asarray(actions.begin_s)[rows] - ends >= after_s
-    return frozenset(actions.contour[rows[idle]].tolist())
 
 
 class StandbyLines(NamedTuple):

@@ -234,7 +234,11 @@ class _Account:
         pulled = self.idling.pulled is None or bead.contour in self.idling.pulled
         deep = self.idling.practice.retract_mm if pulled else 0.0
         net = self._stretch(bead.begin, f"bead of contour {bead.contour}", deep)
-        due += self._prime(bead, net - due)
+        prime = 0.0 if self.changed else self.idling.practice.prime_mm
+        if self.idling.primed is None:  # files tell no times
+            due += prime if abs(net - due - prime) <= NET_MM else 0.0
+        elif bead.contour in self.idling.primed:
+            due += prime
         if abs(net - due) > NET_MM:
             self.texts.append(
                 f"line {self._line(bead.begin)} begins contour {bead.contour} with "
@@ -264,13 +268,6 @@ class _Account:
         )  # fmt: skip
         found = farther_unretracted(ways, theirs, parted=True).items()
         return [f"above line {self._line(int(end[k]))} {text}" for k, text in found]
-
-    def _prime(self, bead: ContourMoves, more: float) -> float:
-        """Return what is due to prime a head that has stood idle, mm; `more` is pushed beyond."""
-        prime = 0.0 if self.changed else self.idling.practice.prime_mm
-        if self.idling.primed is None:  # files tell no times
-            return prime if abs(more - prime) <= NET_MM else 0.0
-        return prime if bead.contour in self.idling.primed else 0.0
 
     def _cross(self, number: int, block: Block, lines: Sequence[int], mine: bool) -> None:
         """Check the stretch above a block's lines, and take over what they do."""

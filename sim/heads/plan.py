@@ -302,7 +302,10 @@ def _timed(
     seconds = []
     for h, (actions, whole) in enumerate(zip(legs.all_actions, all_actions, strict=True)):
         least = legs.arrivals(h, least_arrivals(document, whole, job, rests=True))
-        seconds.append(ACTION_S + _lengths(actions) / slowest + least[actions.path_offsets[1:] - 1])
+        paths = (actions.action_path(k) for k in range(len(actions)))
+        length = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
+        ends = least[actions.path_offsets[1:] - 1]
+        seconds.append(ACTION_S + np.array(length, np.float64) / slowest + ends)
     begin = execute(legs.all_actions, order, [taken + stands for taken in seconds])
     timed = []
     for h, actions in enumerate(all_actions):
@@ -311,9 +314,3 @@ def _timed(
         last = np.searchsorted(legs.origin[h], np.arange(len(actions)), side="right") - 1
         timed.append(replace(actions, begin_s=begin[h][first], end_s=ends[last]))
     return tuple(timed)
-
-
-def _lengths(actions: HeadActions) -> Floats:
-    paths = (actions.action_path(k) for k in range(len(actions)))
-    lengths = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
-    return np.array(lengths, np.float64)

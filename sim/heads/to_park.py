@@ -67,7 +67,8 @@ def check_to_park(
             break
         faults += replay.take(name, moves, standing[name].contour)
     for name, one in standing.items():
-        if one.moves and not _is_at(replay.pieces[name], machine.head(name).park):
+        off = np.abs(replay.pieces[name] - np.array(machine.head(name).park)).max()
+        if one.moves and off > ROUNDED_MM:
             faults.append(Fault(FaultKind.NOT_PARKED, f"head {name} does not come to its park"))
     return Verdict(tuple(faults), {"files": float(len(files))})
 
@@ -96,10 +97,6 @@ def _read(text: bytes, place: int, count: int) -> tuple[str, list[Floats]]:
     if not moves or np.isfinite(moves[0]).tolist() != [False, False, True]:
         raise ValueError("it does not go up before all else")
     return header[1].decode("utf-8", "replace"), moves
-
-
-def _is_at(pieces: Floats, park: Sequence[float]) -> bool:
-    return float(np.abs(pieces - np.array(park)).max()) <= ROUNDED_MM
 
 
 @dataclass(slots=True)
@@ -175,7 +172,8 @@ class _Replay:
     def _goes_on(self, head: Head, begin: Floats, end: Floats) -> Iterator[Fault]:
         lowest = float(min(begin[..., 2].min(), end[..., 2].min()))
         lowest += min([0.0, *(part.low for part in parts_of(head))])
-        if lowest >= self._top() - ROUNDED_MM:
+        tops = (float(one.points[:, 2].max()) for one in self._printed())
+        if lowest >= max(tops, default=-np.inf) - ROUNDED_MM:
             return
         if (begin != begin[0, 0]).any():
             text = f"head {head.name} goes lower than what is printed where it is not known"
@@ -188,9 +186,6 @@ class _Replay:
         mine = taken(self.document.contours, rows[rows != but])
         before = self.document.printed
         return [one for one in (mine, before) if one is not None and len(one)]
-
-    def _top(self) -> float:
-        return max((float(one.points[:, 2].max()) for one in self._printed()), default=-np.inf)
 
     def _touched(self, head: Head, moves: Floats, but: int) -> Iterator[Fault]:
         for printed in self._printed(but):

@@ -106,8 +106,8 @@ class Walker:
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
         self._surplus += practice.prime_mm
         travel_feed = job.settings.travel_feed or DEFAULT_TRAVEL
-        self._feeds = (travel_feed, job.settings.z_feed or travel_feed)
-        self._travels = cache(self._is_travel_feed)
+        feeds = (travel_feed, job.settings.z_feed or travel_feed)
+        self._travels = cache(lambda feed: min(abs(feed - due) for due in feeds) <= FEED_MM_S)
         self._wipe_feeds = {each.wipe_feed or travel_feed for each in job.settings.each()}
 
     def run(self) -> Walk:
@@ -115,7 +115,11 @@ class Walker:
         for k in range(len(self.actions)):
             self.walk.first.append(-1)
             self.walk.reached.append([])
-            problem = self._act(k)
+            problem = ""  # it rests: `sim.heads.order` looks for the dwell
+            if self._kind[k] == _PRINT:
+                problem = self._print(k) or self._wipe(k)
+            elif self._kind[k] in (_TRAVEL, _PARK):
+                problem = self._travel(k)
             if problem:
                 self.walk.faults.append(problem)
                 return self.walk
@@ -127,13 +131,6 @@ class Walker:
             self._still()
         self.walk.complete = True
         return self.walk
-
-    def _act(self, k: int) -> str:
-        if self._kind[k] == _PRINT:
-            return self._print(k) or self._wipe(k)
-        if self._kind[k] in (_TRAVEL, _PARK):
-            return self._travel(k)
-        return ""  # it rests: `sim.heads.order` looks for the dwell
 
     def _travel(self, k: int) -> str:
         rows = slice(self._bounds[k], self._bounds[k + 1])
@@ -163,9 +160,6 @@ class Walker:
             self._step(k)
             reached.append(line)
         return ""
-
-    def _is_travel_feed(self, feed: float) -> bool:
-        return min(abs(feed - due) for due in self._feeds) <= FEED_MM_S
 
     def _print(self, k: int) -> str:
         contour, laid = self._contour[k], laid_by(self.job.contours, self.actions, k)

@@ -144,22 +144,19 @@ def check_epochs(
     contours: Contours, all_actions: tuple[HeadActions, ...], order: PartialOrder
 ) -> list[Fault]:
     """Check a plan: every print follows all prints of earlier epochs, for every timing."""
-    rows = early(
-        all_actions, order, lambda other, c: _last_before(contours, other)[contours.epoch[c]]
-    )
+
+    def due(other: HeadActions, contour: Ints) -> Ints:
+        prints = np.nonzero(other.kind == ActionKind.PRINT)[0]
+        last = np.full(int(contours.epoch.max(initial=0)) + 2, -1, np.int64)  # before each epoch
+        np.maximum.at(last, contours.epoch[other.contour[prints]] + 1, prints)
+        return np.maximum.accumulate(last)[contours.epoch[contour]]
+
+    rows = early(all_actions, order, due)
     lines = [
         f"contour {c} of epoch {contours.epoch[c]} may begin before an earlier epoch has ended"
         for c in rows.tolist()
     ]
     return listed(FaultKind.PRECEDENCE, lines)
-
-
-def _last_before(contours: Contours, actions: HeadActions) -> Ints:
-    """Return for each epoch the last action of a head that prints an earlier one, or -1."""
-    prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
-    last = np.full(int(contours.epoch.max(initial=0)) + 2, -1, np.int64)
-    np.maximum.at(last, contours.epoch[actions.contour[prints]] + 1, prints)
-    return np.maximum.accumulate(last)
 
 
 def check_file_epochs(line: Ints, match: Ints, source_epoch: Ints) -> list[Fault]:
