@@ -39,8 +39,8 @@ _AT = rb" %c-?" + _NUMBER
 _LINE = rb"G1(?=[ ])(?: [XYZE]-?" + _NUMBER + rb")*+"
 _ARC = rb"G[23]" + _AT % b"X" + _AT % b"Y" + rb"(?:" + _AT % b"Z" + rb")?"
 _ARC += _AT % b"I" + _AT % b"J" + _AT % b"E"  # none but beads are turned
-MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
-_PLAIN = re.compile(rb";|" + MOVE.pattern)
+PLAIN_MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
+_PLAIN = re.compile(rb";|" + PLAIN_MOVE.pattern)
 _RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?" + _NUMBER + rb"\Z")
 _OWN_DWELLS = tuple(mark.encode() for mark in DWELL_MARKS)
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
@@ -180,13 +180,13 @@ def sets_state(code: bytes) -> bool:
 
 def is_move(code: bytes) -> bool:
     """Tell whether a command is a move, which may stand between contours: moves are simulated."""
-    return MOVE.match(code) is not None
+    return PLAIN_MOVE.match(code) is not None
 
 
 def accepted(row: bytes, known: frozenset[bytes]) -> bool:
     """Tell whether a line may stand between contours."""
     code = command_of(row)
-    if not code or MOVE.match(code) or _RETRACTION.match(code):
+    if not code or PLAIN_MOVE.match(code) or _RETRACTION.match(code):
         return True
     if (dwell := _DWELL.match(code)) and row.rstrip().endswith(_OWN_DWELLS):
         return int(dwell[1]) <= 1000.0 * LONGEST_DWELL_S

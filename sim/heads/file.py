@@ -20,7 +20,7 @@ from decmcts.formats.gcode.document import StateTable
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.machine import USUAL_WORDS, SyncWords
-from sim.files.commands import MOVE, codes_of, not_plain
+from sim.files.commands import PLAIN_MOVE, codes_of, not_plain
 from sim.files.settings import settings_of
 from sim.files.written import states_in_force
 from sim.heads.heat import SELECTS, heat_of
@@ -147,7 +147,7 @@ def _parted(
     syncs, taken = list[Sync](), list[int]()
     codes = lines.text.replace(b"\r\n", b"\n").split(b"\n")
     may_be = any(move.startswith(begin[:3]) for begin in reader.begins for move in _MOVES)
-    looked_at = list(range(len(codes))) if may_be else not_plain(lines.text, MOVE)
+    looked_at = list(range(len(codes))) if may_be else not_plain(lines.text, PLAIN_MOVE)
     for k in looked_at:
         codes[k] = command_of(codes[k])
     for k in looked_at:
