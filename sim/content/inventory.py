@@ -47,9 +47,11 @@ class Segments:
     @staticmethod
     def joined(parts: Sequence[Segments]) -> Segments:
         """Return all segments of some, in order."""
-        columns = ("ends", "extrusion", "feed", "place")
-        joined = (np.concatenate([getattr(part, name) for part in parts]) for name in columns)
-        return Segments(*joined, parts[0].word)
+        ends, extrusion, feed, place = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("ends", "extrusion", "feed", "place")
+        )
+        return Segments(ends, extrusion, feed, place, parts[0].word)
 
     def at(self, rows: Ints) -> Segments:
         """Return some of the segments."""

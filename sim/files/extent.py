@@ -79,7 +79,11 @@ def check_file_feeds(motions: Motions, source: Motions, machine: Machine) -> lis
     made at feed 0 that the source does not make so: a file's first moves may come before any F, and
     those are the source's.
     """
-    faults = _feedless_moves(motions, source) + check_filament_feeds(motions, source)
+    theirs = {tuple(row) for row in _feedless(source)[1].tolist()}
+    ours = zip(*(column.tolist() for column in _feedless(motions)), strict=True)
+    new = [i for i, row in ours if tuple(row) not in theirs]
+    faults = listed(FaultKind.FEED, [f"line {motions.line[i]} moves at feed 0" for i in new])
+    faults += check_filament_feeds(motions, source)
     if len(due := np.asarray(source.feed)[_travels(source)]):
         usual = machine.limits.travel_feed
         low, high = min(float(due.min()), usual, DEFAULT_TRAVEL), max(float(due.max()), usual)
@@ -121,15 +125,6 @@ def _travels(motions: Motions) -> Ints:
     goes = (motions.points[rows] != motions.points[rows + 1]).any(axis=1)
     goes &= (np.asarray(motions.extrusion)[rows] <= 0.0) & (np.asarray(motions.feed)[rows] > 0.0)
     return np.asarray(rows[goes])
-
-
-def _feedless_moves(motions: Motions, source: Motions) -> list[Fault]:
-    theirs = {tuple(row) for row in _feedless(source)[1].tolist()}
-    rows, ends = _feedless(motions)
-    new = [
-        i for i, row in zip(rows.tolist(), ends.tolist(), strict=True) if tuple(row) not in theirs
-    ]
-    return listed(FaultKind.FEED, [f"line {motions.line[i]} moves at feed 0" for i in new])
 
 
 def _feedless(motions: Motions) -> tuple[Ints, Floats]:

@@ -51,12 +51,10 @@ class Dues:
     extrusion: Floats  # (n,) of each contour or piece
     above: Floats  # (b,) pushed less pulled above each block since the bead before; NaN: unknown
     left: Floats  # (b,) pushed behind each block beyond what is retracted there
-    start: float  # likewise behind the start code
-    start_tool: int
     usual: dict[int, float]  # most that each tool retracts from bead to bead while it is in use
     beside: Floats  # (b,) most that is retracted above each block, or behind it
     shared: bool  # several tools print
-    starts: dict[int, float]  # as `start`, of tools whose first change is left out
+    starts: dict[int, float]  # likewise, by tool, behind the start code or a change left out
     ways: Ways  # from contour to contour
 
 
@@ -95,15 +93,13 @@ def dues_of(job: PrintJob, document: GcodeDocument) -> Dues:
     given = np.asarray(np.bincount(contour[laid], extrusion[laid], n), np.float64)
     number = job.contours.tool[begins].astype(np.int64)
     shared = len(np.unique(job.contours.tool)) > 1
-    starts = {}
+    starts = dict[int, float]()
     if document.own_starts:
         primes = {tool: practice.prime_mm for tool, practice in job.practices}
         starts = _without_changes(source, number, document, owed, net, book, primes)
+    starts[document.start.tool if shared else int(number[0])] = start
     net, given = _of_pieces(job.contours, begins, net, given)
-    return Dues(
-        net, given, above, left, start, document.start.tool, usual, beside, shared, starts,
-        ways_of(book, source),
-    )  # fmt: skip
+    return Dues(net, given, above, left, usual, beside, shared, starts, ways_of(book, source))
 
 
 def _without_changes(
@@ -183,10 +179,7 @@ class _Account:
         self.total: list[float] = total.tolist()  # given before each move, and by all
         self.parked = float(_owed(self.motion.extrusion[: self.part.begin])[-1])
         self.retracted = self.parked
-        if self._mine(dues.start_tool):
-            self.retracted += dues.start
-        elif self.tool in dues.starts:
-            self.retracted += dues.starts[self.tool]
+        self.retracted += dues.starts.get(self.tool, 0.0)
         self.parked = max(self.parked, self.retracted)  # or as the source left its tool before
         self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
         self.at = self.part.begin  # the move behind the last bead, or the source's own lines

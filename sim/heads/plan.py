@@ -76,9 +76,14 @@ def plan_of_files(
     """Return the plan of the files, one head each, and what they lay down unlike the source."""
     dots = _dots_of(job)
     laying = [_laying(file, dots) for file in files]
-    segments = [_segments(file, rows) for file, rows in zip(files, laying, strict=True)]
-    ours = Segments.joined(segments)
-    parts = _by_file(segments, _contours(ours, contour_segments(job.contours)))
+    ours = Segments.joined(
+        [
+            move_segments(m.points, m.extrusion, m.feed, m.line + 1, rows)
+            for m, rows in zip((file.motion for file in files), laying, strict=True)
+        ]
+    )
+    sizes = [len(rows) for rows in laying]
+    parts = _contours(ours, contour_segments(job.contours), sizes)
     loops = [
         path
         for file, rows, ids in zip(files, laying, parts, strict=True)
@@ -89,7 +94,7 @@ def plan_of_files(
     theirs = contour_segments(entered.contours)
     match = match_segments(ours, theirs)
     faults = check_print(ours, theirs, match, theirs.place) or compare(ours, theirs, match)
-    parts = _by_file(segments, _contours(ours, theirs))
+    parts = _contours(ours, theirs, sizes)
     acts = [
         _acts(file, rows, ids, entered)
         for file, rows, ids in zip(files, laying, parts, strict=True)
@@ -105,14 +110,11 @@ def plan_of_files(
     return replace(document, plan=JointPlan(_timed(document, all_actions, job))), faults
 
 
-def _contours(ours: Segments, theirs: Segments) -> Ints:
-    """Return the contour of each of our segments, NO_CONTOUR where it is of none."""
+def _contours(ours: Segments, theirs: Segments, sizes: Sequence[int]) -> list[Ints]:
+    """Return the contour of each of a file's segments, NO_CONTOUR where it is of none, by file."""
     match = match_segments(ours, theirs)
-    return np.asarray(np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match]))
-
-
-def _by_file(segments: Sequence[Segments], contour: Ints) -> list[Ints]:
-    return np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
+    contour = np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match])
+    return np.split(contour, np.cumsum(sizes)[:-1])
 
 
 def _beads(file: HeadFile, moves: Ints, contour: Ints) -> list[Floats]:
@@ -137,11 +139,6 @@ def _parted(run: Ints, contour: Ints) -> list[Ints]:
     at = np.searchsorted(known, np.arange(len(run)), side="right") - 1
     ids = contour[known[np.maximum(at, 0)]]
     return np.split(run, np.flatnonzero(np.diff(ids)) + 1)
-
-
-def _segments(file: HeadFile, rows: Ints) -> Segments:
-    motion = file.motion
-    return move_segments(motion.points, motion.extrusion, motion.feed, motion.line + 1, rows)
 
 
 def _begin(file: HeadFile) -> int:
