@@ -56,7 +56,12 @@ def sentences(verdict: Verdict) -> list[Sentence]:
         least = "at least " if gap.at_least else ""
         text = f"{words}: {least}{millimetres(gap.mm)} mm ({gap.required_mm:g} mm required)"
         found.append(Sentence("nearest", text, " beside ".join(gap.at)))
-    found += [Sentence("rule", rule) for rule in _rules(counts)]
+    rules = PLAN_RULES if "actions" in counts else ()
+    if "files" in counts:
+        rules += HEADS_RULES
+    elif "moves" in counts and not rules:
+        rules = GCODE_RULES
+    found += [Sentence("rule", rule) for rule in rules]
     return found + [Sentence("asked", line) for line in verdict.checked]
 
 
@@ -135,11 +140,3 @@ def millimetres(value: float) -> str:
     ('10.016', '5', '0.999')
     """
     return f"{int(value * 1000.0 + 1e-6) / 1000.0:g}"
-
-
-def _rules(counts: Mapping[str, float]) -> tuple[str, ...]:
-    """Return what is asked of a result of this kind."""
-    rules = PLAN_RULES if "actions" in counts else ()
-    if "files" in counts:
-        return (*rules, *HEADS_RULES)
-    return rules or (GCODE_RULES if "moves" in counts else ())

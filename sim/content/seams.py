@@ -97,11 +97,15 @@ def laid_by(contours: Contours, actions: HeadActions, action: int) -> Laid | str
         if isinstance(run, str):
             return run
     else:
-        rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
-        run = ContourRun(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
+        run = _as_sliced(contours, contour)
     return Laid(
         run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], run.rows[1:][::step]
     )
+
+
+def _as_sliced(contours: Contours, contour: int) -> ContourRun:
+    rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
+    return ContourRun(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
 
 
 def _forbidden(contours: Contours, contour: int, entry: int) -> str:
@@ -222,19 +226,14 @@ def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, Ints]:
 
     Those that may not run so stay as sliced, and will be missed.
     """
-    contours, offsets = job.contours, job.contours.offsets
+    contours = job.contours
     runs = {moved.contour: run_of(contours, moved) for moved in seams}
-    rows = np.arange(len(contours.points), dtype=np.int64)
     if not runs:
-        return job, rows
+        return job, np.arange(len(contours.points), dtype=np.int64)
     pieces = []
     for c in range(len(contours)):
-        run, (a, b) = runs.get(c), offsets[c : c + 2]
-        if not isinstance(run, ContourRun):
-            run = ContourRun(
-                contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows[a:b]
-            )
-        pieces.append(run)
+        run = runs.get(c)
+        pieces.append(run if isinstance(run, ContourRun) else _as_sliced(contours, c))
     entered = replace(
         contours,
         points=np.concatenate([run.points for run in pieces]),

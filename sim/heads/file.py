@@ -83,10 +83,6 @@ class HeadFile:
     rests: FileWaits
     numbered: int | None  # the first line that has a line number, from 1; numbers are not read
 
-    def row(self, line: int) -> bytes:
-        """Return a line (from 1) as it stands."""
-        return self.lines.raw(line - 1)
-
 
 @dataclass(frozen=True, slots=True)
 class FileParts:

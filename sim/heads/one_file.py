@@ -282,7 +282,7 @@ class _FileCheck:
         for line, code in file.others:
             if not begin <= line < part.end_code or line in known or is_move(code):
                 continue
-            if not accepted(file.row(line), settings):
+            if not accepted(file.lines.raw(line - 1), settings):
                 what = f"'{_text(code)}' is not in the source at this place"
                 self.words.append(f"line {line}: {what}")
 

@@ -59,16 +59,6 @@ class _Act:
     lines: list[int]  # from 1, of the move to each point but the first
     reversed: bool = False
 
-    @property
-    def first(self) -> int:
-        """Line of the first move."""
-        return self.lines[0]
-
-    @property
-    def last(self) -> int:
-        """Line of the last move."""
-        return self.lines[-1]
-
 
 def plan_of_files(
     files: Sequence[HeadFile], job: PrintJob, machine: Machine
@@ -164,7 +154,7 @@ def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act
         if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
             continue  # a wipe back along a bead belongs to it (`sim.heads.walk`)
         above = bisect_left(syncs, line)
-        parted = last is None or (above > 0 and syncs[above - 1] > last.last)
+        parted = last is None or (above > 0 and syncs[above - 1] > last.lines[-1])
         if parted or last is None or last.contour != key:
             acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
         else:
@@ -264,12 +254,12 @@ def _head_actions(
 def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]]:
     """Return for each action of a head how far it knows the others to be, where that is news."""
     known_of = [(0, 0)] * len(acts)  # per head: actions ended, and points of the next one passed
-    ended = [np.array([act.last for act in other], np.int64) for other in acts]
+    ended = [np.array([act.lines[-1] for act in other], np.int64) for other in acts]
     after: list[list[After]] = []
     for act in acts[h]:
         edges = []
         for g in range(len(acts)):
-            line = known.done(h, act.first, g)
+            line = known.done(h, act.lines[0], g)
             count = int(np.searchsorted(ended[g], line))
             point = bisect_left(acts[g][count].lines, line) if count < len(acts[g]) else 0
             if g == h or (count, point) <= known_of[g]:

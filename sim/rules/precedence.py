@@ -91,16 +91,13 @@ def check_touching(contours: Contours, prints: Prints, rules: OrderRules) -> lis
             a, b = a[wrong], b[wrong]
             reach = (contours.width[a] + contours.width[b]) / 2 + TOUCH_MM - ROUNDING_MM
             met = shapely.dwithin(shapes[a], shapes[b], reach)
-            lines += [_broken(contours, x, y) for x, y in zip(a[met], b[met], strict=True)]
+            for x, y in zip(a[met].tolist(), b[met].tolist(), strict=True):
+                one, other = (Role(int(contours.role[c])).name.lower() for c in (x, y))
+                lines.append(
+                    f"contour {x} ({one}) must end before contour {y} ({other}) begins: "
+                    f"they touch on layer {contours.layer[x]}"
+                )
     return listed(FaultKind.PRECEDENCE, lines)
-
-
-def _broken(contours: Contours, a: int, b: int) -> str:
-    roles = [Role(int(contours.role[c])).name.lower() for c in (a, b)]
-    return (
-        f"contour {a} ({roles[0]}) must end before contour {b} ({roles[1]}) begins: "
-        f"they touch on layer {contours.layer[a]}"
-    )
 
 
 def _near(
