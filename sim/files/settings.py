@@ -54,7 +54,9 @@ _UNSET = {  # in force where nothing was set
 
 SettingLines = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
-_Book = tuple[list[tuple[int, str]], list[tuple[int, str]]]  # of one setting: file and source
+_SettingBook = tuple[
+    list[tuple[int, str]], list[tuple[int, str]]
+]  # of one setting: file and source
 
 
 def check_settings(
@@ -134,7 +136,7 @@ def travelling(points: Floats, extrusion: Floats, placed: Flags | None) -> Ints:
 
 
 def _compared(
-    name: str, book: _Book, line: Ints, source_line: Ints
+    name: str, book: _SettingBook, line: Ints, source_line: Ints
 ) -> tuple[list[str], Ints, Ints]:
     """Return the values of a setting, and which is in force at lines of the file and the source.
 
@@ -146,7 +148,7 @@ def _compared(
     return values, in_force(has, number, line), in_force(due, number, source_line)
 
 
-def _exchanged(books: dict[str, _Book], line: Ints, source_line: Ints, alike: Ints) -> Ints:
+def _exchanged(books: dict[str, _SettingBook], line: Ints, source_line: Ints, alike: Ints) -> Ints:
     """Return the source's lines with beads that are alike exchanged where their settings differ."""
     held = [_compared(name, book, line, source_line)[1:] for name, book in books.items()]
     wrong = np.zeros(len(line), np.bool_)
