@@ -23,7 +23,7 @@ from sim.faults import Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
 from sim.files.extent import tools_of
-from sim.files.unretracted import SAME_MM, Spans, Ways, farther_unretracted
+from sim.files.unretracted import SAME_MM, Spans, Ways, enough_of, farther_unretracted
 
 TOTAL_MM = 1e-4  # by which the filament of a tool may differ in all
 NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, on both sides
@@ -274,12 +274,10 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
 
 def ways_of(book: Book, motions: Motions, source: Ways | None = None) -> Ways:
     """Return the ways from each contour to the next; None: of the source itself."""
-    points, extrusion = np.asarray(motions.points), np.asarray(motions.extrusion)
-    plain = book.kept & (book.lines < 0)
+    extrusion, plain = np.asarray(motions.extrusion), book.kept & (book.lines < 0)
     spans = Spans(book.behind[1:], book.bead[1:], book.tool[1:], plain[1:])
-    if source is None:
-        return Ways.of_source(points, extrusion, _withdrawn(motions), spans)
-    return Ways.of(points, extrusion, _withdrawn(motions), spans, source.enough)
+    enough = enough_of(extrusion, spans) if source is None else source.enough
+    return Ways.of(np.asarray(motions.points), extrusion, _withdrawn(motions), spans, enough)
 
 
 def _check_outer_ways(ways: Ways, usual: Ways, theirs: Ways, lines: tuple[int, int]) -> list[Fault]:

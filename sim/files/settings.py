@@ -54,9 +54,7 @@ _UNSET = {  # in force where nothing was set
 
 SettingLines = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
-_SettingBook = tuple[
-    list[tuple[int, str]], list[tuple[int, str]]
-]  # of one setting: file and source
+_SettingBook = tuple[list[tuple[int, str]], list[tuple[int, str]]]  # file and source
 
 
 def check_settings(
