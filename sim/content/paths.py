@@ -295,10 +295,9 @@ def legs_of(all_actions: tuple[HeadActions, ...]) -> Legs:
     """
     cuts = [np.zeros(len(actions.path), np.bool_) for actions in all_actions]
     for actions in all_actions:
-        for head, row in zip(
-            actions.after_head.tolist(), _row(actions, all_actions).tolist(), strict=True
-        ):
-            cuts[head][row] = True
+        rows_of_edges = _row(actions, all_actions)
+        for head, cut in enumerate(cuts):
+            cut[rows_of_edges[actions.after_head == head]] = True
     for actions, cut in zip(all_actions, cuts, strict=True):
         cut[actions.path_offsets[1:] - 1] = False  # where a leg ends anyway
     origin, rows = [], []
@@ -338,16 +337,12 @@ def _cut(
     edges = np.zeros(len(origin), np.int64)
     first = np.searchsorted(origin, np.arange(len(actions)))
     edges[first] = np.diff(actions.after_offsets)
+    whole = ("kind", "contour", "reversed", "entry", "begin_s", "end_s")
     return replace(
         actions,
-        kind=actions.kind[origin],
-        contour=actions.contour[origin],
-        reversed=actions.reversed[origin],
-        entry=actions.entry[origin],
+        **{name: getattr(actions, name)[origin] for name in whole},
         path_offsets=np.concatenate([begins, [len(rows)]]).astype(np.int64),
         path=actions.path[rows],
-        begin_s=actions.begin_s[origin],
-        end_s=actions.end_s[origin],
         after_offsets=np.concatenate([[0], np.cumsum(edges)]).astype(np.int64),
         after_action=leg.astype(np.int32),
         after_point=np.full(len(leg), ACTION_END, np.int32),

@@ -77,9 +77,9 @@ def check_commands(
     begin, faults = match_start(rows, document.preamble)
     end, more = match_end(rows, document.postamble)
     lines = faults + more
-    taken: set[int] = set()
-    spans, more = _find_blocks(rows, document.blocks, line, epoch, taken)
+    spans, more = _find_blocks(rows, document.blocks, line, epoch)
     lines += more
+    taken = {k for span in spans if span is not None for k in range(span[0] - 1, span[1])}
     known = known_settings(document)
     for k in not_plain(text, _PLAIN):
         if _WITH_EXPONENT.match(rows[k].lstrip()):
@@ -127,9 +127,9 @@ def match_end(rows: Sequence[bytes], postamble: bytes) -> tuple[int, list[str]]:
 
 
 def _find_blocks(
-    rows: Sequence[bytes], blocks: Sequence[Block], line: Ints, epoch: Ints, taken: set[int]
+    rows: Sequence[bytes], blocks: Sequence[Block], line: Ints, epoch: Ints
 ) -> tuple[list[tuple[int, int] | None], list[str]]:
-    """Return where each block is, from 1, and what is wrong; writes their lines into `taken`.
+    """Return where each block is, from 1, and what is wrong.
 
     A block belongs below all beads of earlier epochs and above all later ones.
     """
@@ -156,10 +156,8 @@ def _find_blocks(
                 f"follows it in the source (line {block.line}, {block.reason})"
             )
             continue
-        found = [low + number for number, _ in has[at : at + len(due)]]
-        taken.update(found)
-        since = found[-1] + 1
-        spans[-1] = (found[0] + 1, found[-1] + 1)
+        since = low + has[at + len(due) - 1][0] + 1
+        spans[-1] = (low + has[at][0] + 1, since)
     return spans, lines
 
 

@@ -75,15 +75,12 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> SourcePrint | Non
         return None
     tools = _tools_of(source_text(document), job, every=heat_due(document, job).one_hot_end)
     since = gaps_of_tools(document.moves, job.contours.tool)
-    first = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
-    goes = [
-        abs(since.get(c, NO_GAP).net) <= MOST_MM and _may_go(block, tools)
-        for c, block in zip(first.tolist(), document.blocks, strict=True)
-    ]
-    gone = [block for block, leaves in zip(document.blocks, goes, strict=True) if leaves]
+    gone, kept = list[Block](), list[Block]()
+    for block in document.blocks:
+        little = abs(since.get(behind(block, job), NO_GAP).net) <= MOST_MM
+        (gone if little and _may_go(block, tools) else kept).append(block)
     if not any(block.begin.tool != block.end.tool for block in gone):
         return None
-    kept = [block for block, leaves in zip(document.blocks, goes, strict=True) if not leaves]
     return _unwalled(job, document, gone, kept, since, tools)
 
 

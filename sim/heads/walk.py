@@ -167,8 +167,10 @@ class Walker:
             return f"contour {contour} {laid}"
         while self.at < self.end and self._stays[self.at] and not self._is_dot(contour, laid):
             self._still()
-        if problem := self._begins(contour):
-            return problem
+        line = self._line[min(self.at, self.end - 1)]
+        owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
+        if self.file.motion.modes[max(line - 2, 0), 3] or owed > self._due(contour) + OWED_MM:
+            return f"line {line} begins contour {contour} with {owed:g} mm retracted"
         reached = self.walk.reached[k]
         reached.append(self._line[self.at - 1])
         stop = self.at + len(laid.extrusion)
@@ -224,8 +226,13 @@ class Walker:
 
         What stands before it pushes back what was retracted.
         """
-        begin, to = laid.points[:2].tolist()
-        if not _is_same(begin, to, self.document.decimals[0]):
+        ends, decimals = (
+            list(zip(*laid.points[:2].tolist(), strict=True)),
+            self.document.decimals[0],
+        )
+        if max(abs(a - b) for a, b in ends) > SAME_MM:  # rounding takes half a digit from each
+            return False
+        if any(round(a, decimals) != round(b, decimals) for a, b in ends):
             return False
         owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
@@ -236,14 +243,6 @@ class Walker:
     def _states(self, laid: Laid) -> list[int]:
         rows: list[int] = self.document.point_state[laid.rows].tolist()
         return rows
-
-    def _begins(self, contour: int) -> str:
-        """Return what is wrong with the filament retracted where a bead begins."""
-        line = self._line[min(self.at, self.end - 1)]
-        owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
-        if self.file.motion.modes[max(line - 2, 0), 3] or owed > self._due(contour) + OWED_MM:
-            return f"line {line} begins contour {contour} with {owed:g} mm retracted"
-        return ""
 
     def _due(self, contour: int) -> float:
         """Return what may be retracted where a contour begins, mm.
@@ -327,13 +326,6 @@ def _apart_in_file(path: Floats, offsets: Ints, decimals: int) -> Flags:
     apart = np.asarray((steps > 0.5 * 10.0**-decimals).any(axis=1))
     apart[offsets[:-1][offsets[:-1] < len(path)]] = False
     return apart
-
-
-def _is_same(one: list[float], other: list[float], decimals: int) -> bool:
-    """Tell whether a file of so many decimals has two points as one."""
-    if max(abs(a - b) for a, b in zip(one, other, strict=True)) > SAME_MM:
-        return False  # rounding takes no more than half a digit from each
-    return all(round(a, decimals) == round(b, decimals) for a, b in zip(one, other, strict=True))
 
 
 def _distance(point: Floats, path: Floats) -> float:

@@ -185,12 +185,19 @@ def check_lead(
     step = np.diff(contours.layer)
     run = np.concatenate([[0], np.cumsum(step != 0)])
     climb = np.concatenate([[0], np.cumsum(step < 0)])
+    runs = np.arange(int(run[-1]) + 1)
+    climb_of_run = climb[np.searchsorted(run, runs)]
+    climbs = np.split(runs, np.flatnonzero(np.diff(climb_of_run)) + 1)
 
     def due(other: HeadActions, contour: Ints) -> Ints:
+        last = np.full(len(runs), -1, np.int64)  # action that prints each run, or one below it
+        prints = np.nonzero(other.kind == ActionKind.PRINT)[0]
+        np.maximum.at(last, run[other.contour[prints]], prints)
+        for part in climbs:
+            last[part] = np.maximum.accumulate(last[part])
         below = run[contour] - ahead - 1
-        last = _last_of_runs(run, climb, other)[np.maximum(below, 0)]
-        same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
-        return np.where((below >= 0) & same, last, -1)
+        same = climb_of_run[np.maximum(below, 0)] == climb[contour]
+        return np.where((below >= 0) & same, last[np.maximum(below, 0)], -1)
 
     rows = early(all_actions, order, due)
     lines = [
@@ -199,17 +206,6 @@ def check_lead(
         for c in rows.tolist()
     ]
     return listed(FaultKind.PRECEDENCE, lines)
-
-
-def _last_of_runs(run: Ints, climb: Ints, actions: HeadActions) -> Ints:
-    """Return of each run of a layer the last action of a head that prints it or one below it."""
-    last = np.full(int(run[-1]) + 1, -1, np.int64)
-    prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
-    np.maximum.at(last, run[actions.contour[prints]], prints)
-    first = np.searchsorted(run, np.arange(len(last)))
-    for part in np.split(np.arange(len(last)), np.flatnonzero(np.diff(climb[first])) + 1):
-        last[part] = np.maximum.accumulate(last[part])
-    return last
 
 
 def check_freedom(
