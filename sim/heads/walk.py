@@ -226,10 +226,8 @@ class Walker:
 
         What stands before it pushes back what was retracted.
         """
-        ends, decimals = (
-            list(zip(*laid.points[:2].tolist(), strict=True)),
-            self.document.decimals[0],
-        )
+        ends = list(zip(*laid.points[:2].tolist(), strict=True))  # x, y and z of both
+        decimals = self.document.decimals[0]
         if max(abs(a - b) for a, b in ends) > SAME_MM:  # rounding takes half a digit from each
             return False
         if any(round(a, decimals) != round(b, decimals) for a, b in ends):
