@@ -56,7 +56,7 @@ def sentences(verdict: Verdict) -> list[Sentence]:
         least = "at least " if gap.at_least else ""
         text = f"{words}: {least}{millimetres(gap.mm)} mm ({gap.required_mm:g} mm required)"
         found.append(Sentence("nearest", text, " beside ".join(gap.at)))
-    rules = PLAN_RULES if "actions" in counts else ()
+    rules: tuple[str, ...] = PLAN_RULES if "actions" in counts else ()
     if "files" in counts:
         rules += HEADS_RULES
     elif "moves" in counts and not rules:

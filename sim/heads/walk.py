@@ -79,8 +79,8 @@ class Walker:
         self._to, self._feed = motion.points[1:].tolist(), motion.feed.tolist()
         self._extrusion, self._line = motion.extrusion.tolist(), (motion.line + 1).tolist()
         self._state = file.track.at(motion.line).tolist()  # row of the states in force
-        axes = motion.points.T.copy()
-        self._stays: list[bool] = (np.abs(np.diff(axes, axis=1)) < 1e-9).all(axis=0).tolist()
+        still = np.abs(np.diff(motion.points.T.copy(), axis=1)) < 1e-9
+        self._stays: list[bool] = np.logical_and.reduce(still).tolist()
         self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()
         self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
