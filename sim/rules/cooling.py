@@ -1,16 +1,14 @@
-"""Whether a plan prints over any spot too soon.
+"""Whether a plan prints over any spot too soon; docs/definitions.md has the rule (*Cooling*).
 
-The plan names a rule: no contour begins over another within so many seconds of its end,
-or within the lag that the source has between the last of what is under it and its begin
-where that is less. Of the source's time only what it printed in between counts here, so
-the judge asks for no more than is due. Times are those of the judge's own motion model;
-retractions are no motion, and slicers set accelerations for single lines, so an action
-may take as long as the plan says within reason. Between several heads only the time
-counts that passes for every timing: along actions, waits and lags.
+Of the source's time only what it printed in between counts here, so the judge asks for no more
+than is due. Times are those of the judge's own motion model; retractions are no motion, and
+slicers set accelerations for single lines, so an action may take as long as the plan says within
+reason.
 
-A head may be slower than planned and may rest wherever it likes, but no leg takes less
-than its motion. So the least time from the end of one leg to the begin of another is the
-longest way between them through the partial order: along legs, waits and lags.
+Between several heads only the time counts that passes for every timing. A head may be slower than
+planned and may rest wherever it likes, but no leg takes less than its motion. So the least time
+from the end of one leg to the begin of another is the longest way between them through the partial
+order: along legs, waits and lags.
 """
 
 from __future__ import annotations
