@@ -6,7 +6,7 @@ One source of these words for `decmcts verify` and for the report. Nothing is ju
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from sim.faults import Gap, Verdict
@@ -52,11 +52,16 @@ def sentences(verdict: Verdict) -> list[Sentence]:
     if counted := _counted(counts):
         found.append(Sentence("checked", counted))
     found += [Sentence("checked", line) for line in _timings(counts)]
-    found += [
-        Sentence("nearest", _gap_line(gap, words), " beside ".join(gap.at))
-        for gap, words in _gaps(verdict)
-    ]
-    found += [Sentence("rule", rule) for rule in _rules(counts)]
+    for gap, words in _gaps(verdict):
+        least = "at least " if gap.at_least else ""
+        text = f"{words}: {least}{millimetres(gap.mm)} mm ({gap.required_mm:g} mm required)"
+        found.append(Sentence("nearest", text, " beside ".join(gap.at)))
+    rules: tuple[str, ...] = PLAN_RULES if "actions" in counts else ()
+    if "files" in counts:
+        rules += HEADS_RULES
+    elif "moves" in counts and not rules:
+        rules = GCODE_RULES
+    found += [Sentence("rule", rule) for rule in rules]
     return found + [Sentence("asked", line) for line in verdict.checked]
 
 
@@ -80,21 +85,10 @@ def checked_lines(verdict: Verdict, *, verbose: bool = False) -> list[str]:
 def nearest_facts(verdict: Verdict) -> dict[str, Any]:
     """Return how near it came as `--json` prints it."""
     found = {"heads": verdict.nearest.heads, "beside": verdict.nearest.beside}
-    return {name: None if gap is None else _facts(gap) for name, gap in found.items()}
-
-
-def _facts(gap: Gap) -> dict[str, Any]:
-    return {
-        "mm": gap.mm,
-        "at_least": gap.at_least,
-        "required_mm": gap.required_mm,
-        "heads": list(gap.heads),
-        "at": list(gap.at),
-    }
+    return {name: None if gap is None else asdict(gap) for name, gap in found.items()}
 
 
 def _counted(counts: Mapping[str, float]) -> str:
-    """Return how much was looked at, in words."""
     words = []
     for key, one, many in (
         ("files", "file", "files"),
@@ -137,11 +131,6 @@ def _gaps(verdict: Verdict) -> list[tuple[Gap, str]]:
     return found
 
 
-def _gap_line(gap: Gap, words: str) -> str:
-    least = "at least " if gap.at_least else ""
-    return f"{words}: {least}{millimetres(gap.mm)} mm ({gap.required_mm:g} mm required)"
-
-
 def millimetres(value: float) -> str:
     """Return a distance to the µm, never rounded up.
 
@@ -151,11 +140,3 @@ def millimetres(value: float) -> str:
     ('10.016', '5', '0.999')
     """
     return f"{int(value * 1000.0 + 1e-6) / 1000.0:g}"
-
-
-def _rules(counts: Mapping[str, float]) -> tuple[str, ...]:
-    """Return what is asked of a result of this kind."""
-    rules = PLAN_RULES if "actions" in counts else ()
-    if "files" in counts:
-        return (*rules, *HEADS_RULES)
-    return rules or (GCODE_RULES if "moves" in counts else ())

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -125,8 +124,8 @@ def verify_plan(
         faults += check_welds(document, legs.whole, held.weld_limit_s)
         prints = prints_of(len(document.contours), legs.all_actions, order)
         faults += check_meetings(meetings, legs.all_actions, prints)
-        replays = (trials, seed)
-        more, nearest = _check_execution(document, legs, order, meetings, least, counts, replays)
+        executions = _Executions(document, legs, order, meetings, counts)
+        more, nearest = executions.check(least, trials, seed)
         faults += more
     checked = statements(document, source, machine, held, rules)
     return Verdict(tuple(faults), counts, checked, nearest=nearest)
@@ -169,124 +168,105 @@ def _check_content(
 
 def _meetings(document: PlanDocument) -> tuple[list[Meetings], list[Fault]]:
     """Return of each head the contacts that the source makes, or a fault where that is unsure."""
-    found: list[Meetings] = []
+    found, machine = list[Meetings](), document.machine
 
     def find() -> list[Fault]:
-        found.extend(
-            source_meetings(document.contours, document.machine, head, PLAN_TOLERANCE_MM)
-            for head in document.machine.heads
-        )
+        for head in machine.heads:
+            found.append(source_meetings(document.contours, machine, head, PLAN_TOLERANCE_MM))
         return []
 
-    unsure = or_undecided(find)
-    return found, unsure
-
-
-def _check_execution(
-    document: PlanDocument,
-    legs: Legs,
-    order: PartialOrder,
-    meetings: Sequence[Meetings],
-    least: list[Floats],
-    counts: dict[str, float],
-    replays: tuple[int, int],
-) -> tuple[list[Fault], Nearest]:
-    """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
-    gaps: list[Gap] = []
-    met = or_undecided(lambda: check_material(document, legs, order, meetings, counts, gaps))
-    beside = None if met else min(gaps, key=lambda gap: gap.mm, default=None)
-    faults = check_times(document, legs.whole) + check_signals(document, legs.whole) + met
-    counts["pairs"] = count_pairs(legs, order)
-    faults += check_heads(document, legs, order) + check_fenced(document)
-    faults += check_rail(document, legs, order)
-    arrivals = [with_waits(each, times) for each, times in zip(legs.whole, least, strict=True)]
-    faults += check_cooling(document, legs, order, arrivals)
-    faults += check_replays(document, legs, order, arrivals, counts, *replays)
-    return faults, Nearest(nearest_heads(document, legs, order), beside)
+    return found, or_undecided(find)
 
 
 def all_actions_of(document: PlanDocument) -> tuple[HeadActions, ...]:
     """Return one action list per head of the machine, empty for a head without work."""
     given = {h.head: h for h in document.plan.heads}
-    names = [h.head for h in document.plan.heads]
     machine_order = [h.name for h in document.machine.heads]
-    renumber = np.array([machine_order.index(name) for name in names] or [0], np.int32)
+    renumber = np.array([machine_order.index(h.head) for h in document.plan.heads] or [0], np.int32)
+    ints, none, empty = np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0)
     all_actions = []
     for name in machine_order:
-        actions = given.get(name)
-        all_actions.append(_idle(name) if actions is None else _renumbered(actions, renumber))
+        if name in given:  # its `after` counts heads as the plan does
+            actions = replace(given[name], after_head=renumber[given[name].after_head])
+        else:
+            actions = HeadActions(
+                name, none.astype(np.int8), none, none.astype(bool), none, ints, np.empty((0, 3)),
+                empty, empty, ints, none, none, *end_edges(0),
+            )  # fmt: skip
+        all_actions.append(actions)
     return tuple(all_actions)
 
 
-def _idle(name: str) -> HeadActions:
-    ints, none = np.zeros(1, np.int64), np.empty(0, np.int32)
-    empty = np.empty(0)
-    return HeadActions(
-        name, none.astype(np.int8), none, none.astype(bool), none, ints, np.empty((0, 3)),
-        empty, empty, ints, none, none, *end_edges(0),
-    )  # fmt: skip
+class _Executions:
+    """All executions that the order of a plan allows; adds what it has looked at to `counts`."""
 
+    def __init__(
+        self, document: PlanDocument, legs: Legs, order: PartialOrder, meetings: Sequence[Meetings],
+        counts: dict[str, float],
+    ) -> None:  # fmt: skip
+        self.document, self.legs, self.order, self.counts = document, legs, order, counts
+        self.machine, self.meetings = document.machine, meetings
+        self.gaps = list[Gap]()  # how near each head comes to the print
 
-def _renumbered(actions: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
-    """Return actions whose `after` counts heads as the machine does, not as the plan does."""
-    return replace(actions, after_head=renumber[actions.after_head])
+    def check(self, least: list[Floats], trials: int, seed: int) -> tuple[list[Fault], Nearest]:
+        """Check times, contacts and cooling; `least` are the seconds to each point of all paths."""
+        document, legs, order = self.document, self.legs, self.order
+        met = or_undecided(self._material)
+        beside = None if met else min(self.gaps, key=lambda gap: gap.mm, default=None)
+        self.counts["pairs"] = count_pairs(legs, order)
+        arrivals = [with_waits(each, times) for each, times in zip(legs.whole, least, strict=True)]
+        faults = [
+            *check_times(document, legs.whole),
+            *check_signals(document, legs.whole),
+            *met,
+            *check_heads(document, legs, order),
+            *check_fenced(document),
+            *check_rail(document, legs, order),
+            *check_cooling(document, legs, order, arrivals),
+            *check_replays(document, legs, order, arrivals, self.counts, trials, seed),
+        ]
+        return faults, Nearest(nearest_heads(document, legs, order), beside)
 
+    def _material(self) -> list[Fault]:
+        """J2 and J5 by geometry: no head touches anything not ordered later.
 
-def check_material(
-    document: PlanDocument,
-    legs: Legs,
-    order: PartialOrder,
-    meetings: Sequence[Meetings],
-    counts: dict[str, float],
-    gaps: list[Gap],
-) -> list[Fault]:
-    """J2 and J5 by geometry: no head touches anything not ordered later.
+        But for what it touches in the source too, no less deep.
+        """
+        machine, lines = self.machine, list[str]()
+        for h, actions in enumerate(self.legs.all_actions[: len(self.meetings)]):
+            moves, owner = moves_of(actions, machine.heads[h].park)
+            lines += self._into_printed(h, moves, owner)
+            beads = beads_for(self.document.contours, self.legs, self.order, h)
+            beads = as_material(beads, machine, PLAN_TOLERANCE_MM)
+            self.counts["moves"] = self.counts.get("moves", 0) + len(moves)
+            near = asked_near(self.meetings[h], actions, owner)
+            contacts = find_contacts(
+                moves, beads, machine.heads[h], clearance_mm=machine.clearance_mm,
+                tolerance_mm=PLAN_TOLERANCE_MM, limit=10 * LIMIT,
+                allowed=allowed_in_plan(self.meetings[h], actions, moves, owner, beads), near=near,
+            )  # fmt: skip
+            does = self.legs.station(h, int(owner[near.move]))
+            self.gaps.append(near.gap(machine, h, does, "contour", beads.label))
+            lines += [
+                f"{self.legs.station(h, int(owner[c.move]))}: {c.part} meets contour "
+                f"{beads.label[c.bead]}, which is {c.depth_mm:.3f} mm too high, near "
+                f"{place_of(moves[c.move])}"
+                for c in contacts
+            ]
+        return listed(FaultKind.HEAD_MATERIAL, lines)
 
-    But for what it touches in the source too, no less deep. Adds to `counts`, and to `gaps` how
-    near each head comes.
-    """
-    lines: list[str] = []
-    for h, actions in enumerate(legs.all_actions[: len(meetings)]):
-        moves, owner = moves_of(actions, document.machine.heads[h].park)
-        lines += _into_printed(document, legs, h, moves, owner)
-        beads = beads_for(document.contours, legs, order, h)
-        beads = as_material(beads, document.machine, PLAN_TOLERANCE_MM)
-        counts["moves"] = counts.get("moves", 0) + len(moves)
+    def _into_printed(self, head: int, moves: Floats, owner: Ints) -> list[str]:
+        """Say where a head touches what stands on the bed before the plan begins."""
+        if self.document.printed is None:
+            return []
+        machine = self.machine
+        beads = as_material(beads_there(self.document.printed), machine, PLAN_TOLERANCE_MM)
         contacts = find_contacts(
-            moves,
-            beads,
-            document.machine.heads[h],
-            clearance_mm=document.machine.clearance_mm,
-            tolerance_mm=PLAN_TOLERANCE_MM,
-            limit=10 * LIMIT,
-            allowed=allowed_in_plan(meetings[h], actions, moves, owner, beads),
-            near=(near := asked_near(meetings[h], actions, owner)),
-        )
-        does = legs.station(h, int(owner[near.move]))
-        gaps.append(near.gap(document.machine, h, does, "contour", beads.label))
-        lines += [
-            f"{legs.station(h, int(owner[c.move]))}: {c.part} meets contour "
-            f"{beads.label[c.bead]}, which is {c.depth_mm:.3f} mm too high, near "
-            f"{place_of(moves[c.move])}"
+            moves, beads, machine.heads[head], clearance_mm=machine.clearance_mm,
+            tolerance_mm=PLAN_TOLERANCE_MM, limit=LIMIT,
+        )  # fmt: skip
+        return [
+            f"{self.legs.station(head, int(owner[c.move]))}: {c.part} meets what was printed "
+            f"before, which is {c.depth_mm:.3f} mm too high, near {place_of(moves[c.move])}"
             for c in contacts
         ]
-    return listed(FaultKind.HEAD_MATERIAL, lines)
-
-
-def _into_printed(
-    document: PlanDocument, legs: Legs, head: int, moves: Floats, owner: Ints
-) -> list[str]:
-    """Say where a head touches what stands on the bed before the plan begins."""
-    if document.printed is None:
-        return []
-    machine = document.machine
-    beads = as_material(beads_there(document.printed), machine, PLAN_TOLERANCE_MM)
-    contacts = find_contacts(
-        moves, beads, machine.heads[head], clearance_mm=machine.clearance_mm,
-        tolerance_mm=PLAN_TOLERANCE_MM, limit=LIMIT,
-    )  # fmt: skip
-    return [
-        f"{legs.station(head, int(owner[c.move]))}: {c.part} meets what was printed before, which "
-        f"is {c.depth_mm:.3f} mm too high, near {place_of(moves[c.move])}"
-        for c in contacts
-    ]

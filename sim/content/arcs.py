@@ -91,12 +91,8 @@ def arcs_of_parts(
 ) -> tuple[Ints, Arcs]:
     """Return the arcs of a print's pieces, (n_points,) and their table.
 
-    Each part of an arc is an arc of its own, its centre counted from where the part begins.
-
-    Parameters
-    ----------
-    arc : (n_points,)
-        The source's arc that each segment of the pieces is a chord of, by the point at its end.
+    Each part of an arc is an arc of its own, its centre counted from where the part begins. `arc`
+    is the source's that each segment of the pieces is a chord of, by the point at its end.
     """
     table, own = document.arcs, np.asarray(document.point_arc, np.int64)
     centre = np.zeros((len(table.clockwise), 2))
@@ -157,10 +153,7 @@ def _centres(table: Arcs, number: Ints, start: Floats, end: Floats) -> Floats:
 def check_arcs(ours: Turns, source: Turns, moved: AbstractSet[int]) -> list[Fault]:
     """Return the source's arcs that are no arcs of the result, and what else is turned.
 
-    Parameters
-    ----------
-    moved : set of int
-        Contours of the source that are entered elsewhere: their arcs may come in parts.
+    `moved` are contours of the source that are entered elsewhere: their arcs may come in parts.
     """
     match = _matched(ours, source)
     pairs = np.flatnonzero(match != NO_MATCH)

@@ -8,8 +8,9 @@ come in. What rounding put into neighbouring cells is then matched by distance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from scipy.spatial import cKDTree
 from decmcts.print.contours import Contours
 from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed, listed_rows
+
+if TYPE_CHECKING:
+    from sim.content.arcs import Turns
 
 GRID_MM = 1e-3
 NEAR_MM = 3e-3  # both ends together, rounding to three decimals on both sides
@@ -39,6 +43,15 @@ class Segments:
     feed: Floats  # (n,) mm/s
     place: Ints  # (n,) line or contour
     word: str  # "line" or "contour"
+
+    @staticmethod
+    def joined(parts: Sequence[Segments]) -> Segments:
+        """Return all segments of some, in order."""
+        ends, extrusion, feed, place = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("ends", "extrusion", "feed", "place")
+        )
+        return Segments(ends, extrusion, feed, place, parts[0].word)
 
     def at(self, rows: Ints) -> Segments:
         """Return some of the segments."""
@@ -234,28 +247,14 @@ def compare(ours: Segments, source: Segments, match: Ints) -> list[Fault]:
         *ours.faults(FaultKind.EXTRUSION, foreign, "is not in the source"),
     ]
     faults += altered(ours, source, match)
-    return faults + _compare_total(ours, source)
+    a, b = float(ours.extrusion.sum()), float(source.extrusion.sum())
+    if abs(a - b) > 0.01 + 1e-6 * len(source.extrusion):  # each may be rounded in the fifth decimal
+        text = f"{a:.5f} mm of filament, the source has {b:.5f} mm"
+        faults.append(Fault(FaultKind.E_TOTAL, text))
+    return faults
 
 
-class Extrusions(Protocol):
-    """What lays filament, piece by piece: segments, or arcs."""
-
-    @property
-    def extrusion(self) -> Floats:
-        """Filament, (n,) mm."""
-        ...
-
-    @property
-    def feed(self) -> Floats:
-        """Feed, (n,) mm/s."""
-        ...
-
-    def text(self, i: int) -> str:
-        """Return the words for one piece."""
-        ...
-
-
-def altered(ours: Extrusions, source: Extrusions, match: Ints) -> list[Fault]:
+def altered(ours: Segments | Turns, source: Segments | Turns, match: Ints) -> list[Fault]:
     """Return what has other filament or another feed than the source's piece it is."""
     pairs = np.flatnonzero(match != NO_MATCH)
     faults: list[Fault] = []
@@ -270,11 +269,3 @@ def altered(ours: Extrusions, source: Extrusions, match: Ints) -> list[Fault]:
         ]
         faults += listed(kind, lines, total=len(off))
     return faults
-
-
-def _compare_total(ours: Segments, source: Segments) -> list[Fault]:
-    """Compare the filament used; each segment may be rounded in the fifth decimal."""
-    a, b = float(ours.extrusion.sum()), float(source.extrusion.sum())
-    if abs(a - b) <= 0.01 + 1e-6 * len(source.extrusion):
-        return []
-    return [Fault(FaultKind.E_TOTAL, f"{a:.5f} mm of filament, the source has {b:.5f} mm")]

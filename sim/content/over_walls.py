@@ -75,7 +75,6 @@ def _strips(*heights: Floats) -> list[Floats]:
 
 
 def _moved(lines: Floats, along_x: Floats) -> NDArray[np.object_]:
-    """Return lines (n, 2, 2) moved along x, (n,)."""
     moved = lines.copy()
     moved[:, :, 0] += along_x[:, None]
     return np.asarray(shapely.linestrings(moved))

@@ -46,11 +46,8 @@ def check_structure(document: PlanDocument) -> list[Fault]:
     ]
     if len({h.head for h in heads}) < len(heads):
         lines.append("a head appears twice in the plan")
-    faults = listed(FaultKind.MACHINE, lines)
-    wrong: list[str] = []
-    for actions in heads:
-        wrong += _bad_indices(actions, heads, len(document.contours))
-    return faults + listed(FaultKind.WRONG_PATH, wrong)
+    wrong = [line for h in heads for line in _bad_indices(h, heads, len(document.contours))]
+    return listed(FaultKind.MACHINE, lines) + listed(FaultKind.WRONG_PATH, wrong)
 
 
 def _bad_indices(actions: HeadActions, heads: tuple[HeadActions, ...], n: int) -> list[str]:
@@ -178,12 +175,11 @@ def _check_waits(actions: HeadActions) -> list[Fault]:
 
 
 def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
-    """Check that each print runs along its contour."""
-    lines = []
-    for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
-        problem = _print_problem(contours, actions, a)
-        if problem:
-            lines.append(f"{describe(actions, a)} {problem}")
+    lines = [
+        f"{describe(actions, a)} {problem}"
+        for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist()
+        if (problem := _print_problem(contours, actions, a))
+    ]
     return listed(FaultKind.WRONG_PATH, lines)
 
 
@@ -270,19 +266,19 @@ class Legs:
         size = int(np.diff(self.whole[head].path_offsets)[action])
         return words if high - low == size - 1 else f"{words}, points {low} to {high}"
 
-    def describe_rest(self, head: int, leg: int) -> str:
-        """Return the words for the rest behind one leg: within its action or after it."""
-        words = describe(self.whole[head], int(self.origin[head][leg]))
-        inside = leg + 1 < len(self.origin[head]) and not np.diff(self.origin[head])[leg]
-        if inside:
-            return f"{words} at point {self._points(head, leg)[1]}"
-        return f"the rest after {words}"
-
     def station(self, head: int, leg: int, rest: bool = False) -> str:
         """Return the words for a leg, the rest behind it, or (-1) what is before the first."""
         if leg < 0:
             return f"head {self.whole[head].head} before its first action"
-        return self.describe_rest(head, leg) if rest else self.describe(head, leg)
+        if not rest:
+            return self.describe(head, leg)
+        words = describe(self.whole[head], int(self.origin[head][leg]))
+        inside = leg + 1 < len(self.origin[head]) and not np.diff(self.origin[head])[leg]
+        return (
+            f"{words} at point {self._points(head, leg)[1]}"
+            if inside
+            else f"the rest after {words}"
+        )
 
     def _points(self, head: int, leg: int) -> tuple[int, int]:
         """Return the first and the last vertex of a leg, counted in its action's path."""
@@ -299,10 +295,9 @@ def legs_of(all_actions: tuple[HeadActions, ...]) -> Legs:
     """
     cuts = [np.zeros(len(actions.path), np.bool_) for actions in all_actions]
     for actions in all_actions:
-        for head, row in zip(
-            actions.after_head.tolist(), _row(actions, all_actions).tolist(), strict=True
-        ):
-            cuts[head][row] = True
+        rows_of_edges = _row(actions, all_actions)
+        for head, cut in enumerate(cuts):
+            cut[rows_of_edges[actions.after_head == head]] = True
     for actions, cut in zip(all_actions, cuts, strict=True):
         cut[actions.path_offsets[1:] - 1] = False  # where a leg ends anyway
     origin, rows = [], []
@@ -342,16 +337,12 @@ def _cut(
     edges = np.zeros(len(origin), np.int64)
     first = np.searchsorted(origin, np.arange(len(actions)))
     edges[first] = np.diff(actions.after_offsets)
+    whole = ("kind", "contour", "reversed", "entry", "begin_s", "end_s")
     return replace(
         actions,
-        kind=actions.kind[origin],
-        contour=actions.contour[origin],
-        reversed=actions.reversed[origin],
-        entry=actions.entry[origin],
+        **{name: getattr(actions, name)[origin] for name in whole},
         path_offsets=np.concatenate([begins, [len(rows)]]).astype(np.int64),
         path=actions.path[rows],
-        begin_s=actions.begin_s[origin],
-        end_s=actions.end_s[origin],
         after_offsets=np.concatenate([[0], np.cumsum(edges)]).astype(np.int64),
         after_action=leg.astype(np.int32),
         after_point=np.full(len(leg), ACTION_END, np.int32),

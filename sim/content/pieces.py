@@ -293,16 +293,12 @@ def welds_of(document: PlanDocument, all_actions: Sequence[HeadActions]) -> dict
         for action in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
             of = int(contours.of[actions.contour[action]])
             stretches[of] += _stretches(contours, actions, action)
-    return {
-        of: [_age(a, b) for a, b in pairwise(sorted(each))]
-        for of, each in sorted(stretches.items())
-        if len(each) > 1
-    }
-
-
-def _age(a: TimedStretch, b: TimedStretch) -> float:
-    age = abs(b[2] - a[3])
-    return age if age > IN_ONE_GO_S else 0.0
+    welds = dict[int, list[float]]()
+    for of, each in sorted(stretches.items()):
+        if len(each) > 1:
+            ages = [abs(b[2] - a[3]) for a, b in pairwise(sorted(each))]
+            welds[of] = [age if age > IN_ONE_GO_S else 0.0 for age in ages]
+    return welds
 
 
 def _stretches(contours: Contours, actions: HeadActions, action: int) -> Iterator[TimedStretch]:
@@ -347,11 +343,14 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
     contours, ages = document.contours, sorted(a for each in welds.values() for a in each if a)
     of = contours.sources.tolist()
     roles = {c: int(contours.role[bisect_left(of, c)]) for c in welds}
+    by_role = Counter[str]()
+    for c, each in welds.items():
+        by_role[Role(roles[c]).name.lower()] += len(each)
     due: dict[str, float | dict[str, int]] = {
         "contours": len(welds),
         "cuts": sum(map(len, welds.values())),
         "outside": sum(len(each) for c, each in welds.items() if roles[c] in OUTSIDE),
-        "roles": _by_role(welds, roles),
+        "roles": dict(by_role),
         "welds": len(ages),
         "weld_median_s": median(ages) if ages else 0.0,
         "weld_most_s": max(ages, default=0.0),
@@ -363,13 +362,6 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
         if not _alike(value, due.get(name))
     ]
     return listed(FaultKind.WELD, lines)
-
-
-def _by_role(welds: dict[int, list[float]], roles: dict[int, int]) -> dict[str, int]:
-    found = Counter[str]()
-    for c, ages in welds.items():
-        found[Role(roles[c]).name.lower()] += len(ages)
-    return dict(found)
 
 
 def _alike(stated: object, due: float | dict[str, int] | None) -> bool:

@@ -9,7 +9,7 @@ The print itself may be cut. Then parts of one segment that follow on are that s
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -74,40 +74,29 @@ def check_rest(
     left_out : Contours | None
         What is not finished: all else must be in the rest, or printed. None: not known.
     """
-    looked = _looked(rest, printed, whole, left_out)
-    missing = _missing(looked, len(whole.contours))
-    faults = [
-        *_foreign(looked), *_twice(looked), *_turned(looked, joined(whole.contours, whole.printed)),
-        *_other_tools(looked, rest, joined(whole.contours, whole.printed), print_with),
-        *_other_total(looked),
-    ]  # fmt: skip
-    if left_out is not None and missing:
-        faults.append(Fault(FaultKind.MISSING, missing))
-    return RestCheck(tuple(faults), missing)
-
-
-def _looked(
-    rest: Contours, printed: Contours | None, whole: PlanDocument, left_out: Contours | None
-) -> _Looked:
-    """Find where all that is left, printed or left out lies."""
-    there = joined(rest, printed)
+    there, source = joined(rest, printed), joined(whole.contours, whole.printed)
     ours = contour_segments(joined(there, left_out))
     ours = ours.at(np.flatnonzero(ours.extrusion > 0.0))
     due = extruded_by(whole.contours)
     if whole.printed is not None:
         due = due.followed_by(extruded_by(whole.printed), len(whole.contours))
     counts = np.searchsorted(ours.place, [len(rest), len(there)]).tolist()
-    return _Looked(ours, due, lies_on(ours, due), *counts)
-
-
-def _foreign(looked: _Looked) -> list[Fault]:
-    """Return what is in the rest and none of the print, or has other filament or feed there."""
-    rows = np.flatnonzero(looked.spans.of[: looked.rest] == NO_MATCH)
-    return looked.ours.faults(FaultKind.EXTRUSION, rows, "is none of the print")
+    looked = _Looked(ours, due, lies_on(ours, due), *counts)
+    missing = _missing(looked, len(whole.contours))
+    foreign = np.flatnonzero(looked.spans.of[: looked.rest] == NO_MATCH)
+    faults = [
+        *ours.faults(FaultKind.EXTRUSION, foreign, "is none of the print"),
+        *_twice(looked),
+        *_turned(looked, source),
+        *_other_tools(looked, rest, source, print_with),
+        *_other_total(looked),
+    ]
+    if left_out is not None and missing:
+        faults.append(Fault(FaultKind.MISSING, missing))
+    return RestCheck(tuple(faults), missing)
 
 
 def _twice(looked: _Looked) -> list[Fault]:
-    """Return what the rest has twice, and what of it was printed before."""
     rows = np.flatnonzero(looked.spans.of[: looked.there] != NO_MATCH)
     of = looked.spans.of[rows]
     order, before = reached_before(of, looked.spans.low[rows], looked.spans.high[rows])
@@ -137,7 +126,6 @@ def _turned(looked: _Looked, whole: Contours) -> list[Fault]:
 def _other_tools(
     looked: _Looked, rest: Contours, whole: Contours, print_with: Mapping[int, int]
 ) -> list[Fault]:
-    """Return what is printed with a tool that nobody has allowed."""
     of = looked.spans.of[: looked.rest]
     rows = np.flatnonzero(of != NO_MATCH)
     mine = rest.tool[looked.ours.place[rows]].astype(np.int64)
@@ -209,12 +197,9 @@ class Extruded:
 
     def followed_by(self, other: Extruded, contours: int) -> Extruded:
         """Return this print with another behind it; this one has so many contours."""
-        a, b = self.segments, other.segments
-        segments = Segments(
-            np.concatenate([a.ends, b.ends]), np.concatenate([a.extrusion, b.extrusion]),
-            np.concatenate([a.feed, b.feed]), np.concatenate([a.place, b.place + contours]), a.word,
-        )  # fmt: skip
-        ends, of = np.concatenate([self.ends, other.ends]), other.of + len(a.ends)
+        behind = replace(other.segments, place=other.segments.place + contours)
+        ends, of = np.concatenate([self.ends, other.ends]), other.of + len(self.segments.ends)
+        segments = Segments.joined([self.segments, behind])
         return Extruded(segments, ends, np.concatenate([self.of, of]))
 
 
@@ -286,10 +271,11 @@ def _chosen(mine: Ints, of: Ints, low: Floats, high: Floats, due: Extruded, foun
     there: dict[int, list[tuple[float, float]]] = {k: [] for k in of[several].tolist()}
     for k in found.of[np.isin(found.of, list(there))].tolist():
         there[k].append((0.0, 1.0))
-    taken = dict[int, int]()
+    taken, tolerance = dict[int, int](), due.tolerance.tolist()
     for j in range(len(mine)):
         i, k, span = int(mine[j]), int(of[j]), (float(low[j]), float(high[j]))
-        is_free = k not in there or not _meets(span, there[k], float(due.tolerance[k]))
+        end = span[1] - tolerance[k]
+        is_free = not any(a < end and span[0] < b - tolerance[k] for a, b in there.get(k, []))
         if is_free and (i not in taken or taken[i] < 0):
             there.get(k, []).append(span)
             taken[i] = j
@@ -341,12 +327,6 @@ def _alike(ours: Segments, theirs: Segments, share: Floats) -> Flags:
 
 def _apart(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.linalg.norm(a - b, axis=1))
-
-
-def _meets(
-    span: tuple[float, float], others: list[tuple[float, float]], tolerance: float
-) -> bool:  # fmt: skip
-    return any(low < span[1] - tolerance and span[0] < high - tolerance for low, high in others)
 
 
 def reached_before(of: Ints, low: Floats, high: Floats) -> tuple[Ints, Floats]:

@@ -24,6 +24,7 @@ LITTLE = 0.1  # share of the smaller print's segments; with fewer in common they
 FEW = 20  # segments; a smaller print has so few faults that all can be listed
 
 PER_POINT = ("points", "extrusion", "feed")
+_Whole = Machine | Head | MotionLimits
 
 
 def check_print(ours: Segments, source: Segments, match: Ints, contour: Ints) -> list[Fault]:
@@ -114,16 +115,15 @@ def check_machine(ours: Machine, named: Machine, source: PrintJob | None) -> lis
     if [head.name for head in ours.heads] != names:
         had = ", ".join(head.name for head in ours.heads)
         return [_differs("heads", had, ", ".join(names) or "other heads")]
-    faults = [
-        _differs(field.name, getattr(ours, field.name), getattr(named, field.name))
-        for field in fields(Machine)
-        if field.name not in ("name", "source", "heads", "limits")
-        and not _same(getattr(ours, field.name), getattr(named, field.name))
-    ]
+    faults = _differing("", ours, named, but=("name", "source", "heads", "limits"))
     for head, due in zip(ours.heads, named.heads, strict=True):
-        faults += _check_head(head, due, alone=len(names) == 1)
-    if source is not None:
-        faults += _check_limits(ours.limits, named.limits, source.limits)
+        if len(names) == 1 and head.park[:2] == due.park[:2] and head.park[2] > due.park[2]:
+            due = replace(due, park=head.park)
+        if not due.tools:  # as of presets; then `launch` was told
+            due = replace(due, tools=head.tools)
+        faults += _differing(f"head {head.name}: ", head, due)
+    if source is not None and not _same(ours.limits, named.limits):
+        faults += _differing("limits: ", ours.limits, named.limits.under(source.limits))
     return faults
 
 
@@ -153,27 +153,11 @@ def _lessened(head: Head, ours: Head) -> Head:
     return replace(head, reach_min=ours.reach_min, reach_max=ours.reach_max) if within else head
 
 
-def _check_head(ours: Head, named: Head, *, alone: bool) -> list[Fault]:
-    if alone and ours.park[:2] == named.park[:2] and ours.park[2] > named.park[2]:
-        named = replace(named, park=ours.park)
-    if not named.tools:  # as of presets; then `launch` was told
-        named = replace(named, tools=ours.tools)
-    return [
-        _differs(f"head {ours.name}: {field.name}", *pair)
-        for field in fields(Head)
-        if not _same(*(pair := (getattr(ours, field.name), getattr(named, field.name))))
-    ]
-
-
-def _check_limits(ours: MotionLimits, named: MotionLimits, stated: MotionLimits) -> list[Fault]:
-    under = named.under(stated)
-    if _same(ours, named) or _same(ours, under):
-        return []
-    return [
-        _differs(f"limits: {field.name}", getattr(ours, field.name), getattr(under, field.name))
-        for field in fields(MotionLimits)
-        if not _same(getattr(ours, field.name), getattr(under, field.name))
-    ]
+def _differing(what: str, ours: _Whole, named: _Whole, but: Sequence[str] = ()) -> list[Fault]:
+    """Return a fault for each field in which two of a kind differ, `but` some."""
+    names = (field.name for field in fields(ours) if field.name not in but)
+    pairs = ((name, getattr(ours, name), getattr(named, name)) for name in names)
+    return [_differs(what + name, a, b) for name, a, b in pairs if not _same(a, b)]
 
 
 def _same(a: object, b: object) -> bool:

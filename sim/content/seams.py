@@ -97,11 +97,15 @@ def laid_by(contours: Contours, actions: HeadActions, action: int) -> Laid | str
         if isinstance(run, str):
             return run
     else:
-        rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
-        run = ContourRun(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
+        run = _as_sliced(contours, contour)
     return Laid(
         run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], run.rows[1:][::step]
     )
+
+
+def _as_sliced(contours: Contours, contour: int) -> ContourRun:
+    rows = np.arange(contours.offsets[contour], contours.offsets[contour + 1])
+    return ContourRun(contours.points[rows], contours.extrusion[rows], contours.feed[rows], rows)
 
 
 def _forbidden(contours: Contours, contour: int, entry: int) -> str:
@@ -152,19 +156,14 @@ def _filled(
     rest = total - float(extrusion.sum())
     if closing.any():
         gap = float(np.linalg.norm(contours.points[last] - contours.points[first]))
-        due = _filament_at_end(contours, first, last, gap)
+        way = _lengths(contours.points[first : last + 1])
+        laid = np.concatenate([[0.0], np.cumsum(contours.extrusion[first + 1 : last + 1])])
+        due = float(laid[-1] - np.interp(way[-1] - gap, way, laid))  # what its last mm lay down
         if abs(rest - due) > FLOW * due:
             return f"would fill its old seam with {rest:.5f} mm of filament instead of {due:.5f}"
         extrusion[closing] = rest
     source[0] = source[1]
     return ContourRun(path, extrusion, contours.feed[source], source)
-
-
-def _filament_at_end(contours: Contours, first: int, last: int, length: float) -> float:
-    """Return what the last `length` mm of a contour lay down."""
-    way = _lengths(contours.points[first : last + 1])
-    laid = np.concatenate([[0.0], np.cumsum(contours.extrusion[first + 1 : last + 1])])
-    return float(laid[-1] - np.interp(way[-1] - length, way, laid))
 
 
 def seams_of_plan(actions: HeadActions) -> Iterator[Moved]:
@@ -227,19 +226,14 @@ def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, Ints]:
 
     Those that may not run so stay as sliced, and will be missed.
     """
-    contours, offsets = job.contours, job.contours.offsets
+    contours = job.contours
     runs = {moved.contour: run_of(contours, moved) for moved in seams}
-    rows = np.arange(len(contours.points), dtype=np.int64)
     if not runs:
-        return job, rows
+        return job, np.arange(len(contours.points), dtype=np.int64)
     pieces = []
     for c in range(len(contours)):
-        run, (a, b) = runs.get(c), offsets[c : c + 2]
-        if not isinstance(run, ContourRun):
-            run = ContourRun(
-                contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows[a:b]
-            )
-        pieces.append(run)
+        run = runs.get(c)
+        pieces.append(run if isinstance(run, ContourRun) else _as_sliced(contours, c))
     entered = replace(
         contours,
         points=np.concatenate([run.points for run in pieces]),

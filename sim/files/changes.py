@@ -1,11 +1,9 @@
 """Files in which tools change less often, or elsewhere, than in their source.
 
-A change of tools is *alike* another between the same two tools if it commands the same, word for
-word, and its filament is pulled above it and pushed behind it as much. Where it moves no axis and
-has no bead of a wipe tower beside it, it may be left out, or stand between two other contours of
-these tools. Which tool has to print what is the source's. So the order in which a file lays its
-beads says where it has to change tools, and to which. What stands there must be what the source has
-between these two tools.
+docs/gcode.md (*Fewer changes of tools, where one head has several*) says which changes are alike
+and may be left out. Which tool has to print what is the source's. So the order in which a file lays
+its beads says where it has to change tools, and to which. What stands there must be what the source
+has between these two tools.
 
 All this is found from the moves and the text of the source by a reading of the judge's own.
 """
@@ -16,7 +14,6 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.print.job import PrintJob
@@ -51,11 +48,7 @@ def as_taken(printed: Ints, job: PrintJob, document: GcodeDocument, moves: Motio
     """Return a source as a file takes it; None where the file changes tools as the source does.
 
     Also where it crosses what is no change of tools: then it is judged by the source as it stands.
-
-    Parameters
-    ----------
-    printed
-        The contours in the file's order, each once or more often in a row.
+    `printed` are the contours in the file's order, each once or more often in a row.
     """
     printed = printed[printed >= 0]
     loose = _loose(document, moves)
@@ -77,7 +70,12 @@ def as_taken(printed: Ints, job: PrintJob, document: GcodeDocument, moves: Motio
         return None
     epoch = np.zeros(len(job.contours), np.int32)
     epoch[printed] = number
-    return _taken(job, document, loose, made, epoch)
+    blocks = document.blocks
+    refills = {e for e, k in made if blocks[k].epoch in job.refills}
+    job = replace(job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills)))
+    anew = tuple(replace(blocks[k], epoch=e) for e, k in made)
+    which = np.array([k for _, k in made], np.int64)
+    return Taken(job, replace(document, blocks=anew), document, which, loose)
 
 
 def _made(
@@ -86,16 +84,9 @@ def _made(
 ) -> list[tuple[int, int]] | None:  # fmt: skip
     """Return the blocks that a file has to have, in its order: epoch of the file, and which it is.
 
-    None where it changes tools as the source never does.
-
-    Parameters
-    ----------
-    numbers
-        Epochs of the file that begin with a change of tools, or in another stretch.
-    pairs
-        Which tools change there; None: a stretch begins.
-    firsts
-        The least epoch of the source in each's stretch.
+    None where it changes tools as the source never does. `numbers` are epochs of the file that
+    begin with a change of tools (`pairs`) or in another stretch (None), `firsts` the least epoch
+    of the source in each's stretch.
     """
     blocks, made, stood = document.blocks, list[tuple[int, int]](), 0
     walls = [k for k in range(len(blocks)) if k not in loose]
@@ -111,18 +102,6 @@ def _made(
             return None
     last = numbers[-1] if numbers else 0
     return made + [(last + 1, wall) for wall in walls[stood:]]  # below the last bead
-
-
-def _taken(
-    job: PrintJob, document: GcodeDocument, loose: frozenset[int], made: list[tuple[int, int]],
-    epoch: NDArray[np.int32],
-) -> Taken:  # fmt: skip
-    blocks = document.blocks
-    refills = {e for e, k in made if blocks[k].epoch in job.refills}
-    job = replace(job, contours=replace(job.contours, epoch=epoch), refills=tuple(sorted(refills)))
-    anew = tuple(replace(blocks[k], epoch=e) for e, k in made)
-    which = np.array([k for _, k in made], np.int64)
-    return Taken(job, replace(document, blocks=anew), document, which, loose)
 
 
 def _stretches(job: PrintJob, document: GcodeDocument, loose: frozenset[int]) -> Ints:

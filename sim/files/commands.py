@@ -1,24 +1,17 @@
 """Everything in a file that is no contour, against its source.
 
-Start code, end code and blocks that stand at barriers must be the source's, command by
-command and in their place. Between contours only these commands are accepted: moves, which
-are simulated; retraction, which is counted; and commands that set a state, in the source's
-own words, whose effect is compared bead by bead elsewhere. Comments and progress (M73) command
-nothing. Every other command is a fault, known or not.
+docs/gcode.md (*What the judge accepts*) says which commands may stand where; every other command is
+a fault, known or not.
 
 **The book of commands**: what the source commands, the result commands. Both texts are read line by
 line, by a reading of the judge's own. A line commands what is left of it without its number, its
 checksum and its comments, in brackets or behind a semicolon. Words behind a comment in brackets
-command, as they do for firmwares that know such comments. A carriage return ends a line.
+command, as they do for firmwares that know such comments. A carriage return ends a line. Every
+command stands as often as in the source, but for those that other books keep: `_IN_OTHER_BOOKS`.
 
-Every command stands as often as in the source, but for those that other books keep: moves and
-filament (`sim.files.moves`, `sim.files.ledger`), how coordinates and filament are counted,
-progress, which is told anew, and what sets a state (`sim.files.settings` and, of heaters,
-`sim.files.temperatures`).
-
-**Lines.** Nearly all lines of a file are plain moves or comments. Neither of these functions
-decides what a line commands. They only name the lines that whoever asks would pass over, so that
-the rest alone is read with regular expressions.
+**Lines.** Nearly all lines of a file are plain moves or comments. `not_plain` and
+`no_comment_no_move` only name the lines that whoever asks would not pass over, so that these alone
+are read with regular expressions.
 """
 
 from __future__ import annotations
@@ -34,7 +27,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
-from decmcts.formats.gcode.document import Block
+from decmcts.formats.gcode.document import SILENT, Block
 from decmcts.formats.gcode.text.lines import command_of
 from sim.arrays import Flags, Ints
 from sim.faults import Fault, FaultKind, listed
@@ -46,8 +39,8 @@ _AT = rb" %c-?" + _NUMBER
 _LINE = rb"G1(?=[ ])(?: [XYZE]-?" + _NUMBER + rb")*+"
 _ARC = rb"G[23]" + _AT % b"X" + _AT % b"Y" + rb"(?:" + _AT % b"Z" + rb")?"
 _ARC += _AT % b"I" + _AT % b"J" + _AT % b"E"  # none but beads are turned
-_MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
-_PLAIN = re.compile(rb";|" + _MOVE.pattern)
+PLAIN_MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
+_PLAIN = re.compile(rb";|" + PLAIN_MOVE.pattern)
 _RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?" + _NUMBER + rb"\Z")
 _OWN_DWELLS = tuple(mark.encode() for mark in DWELL_MARKS)
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
@@ -61,7 +54,6 @@ _WITH_EXPONENT = re.compile(  # in a command that is acted on; a message or a na
     rb"(?:G\d|M(?:10[4679]|1[49]0|14[12]|191|20[1345789]|22[01]|566|572|593|900)(?!\d)"
     rb"|SET_(?!PRINT))[^;(]*?[0-9.]e[-+]?[0-9]"
 )
-_BLOCKS_ALONE = ("tool", "temperature")  # states that only verbatim blocks may set
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,21 +70,16 @@ def check_commands(
 ) -> tuple[list[Fault], Verbatim]:
     """Check all that a one-head file commands besides its beads; tell where the source's lines are.
 
-    Parameters
-    ----------
-    document : GcodeDocument
-        Start code, end code, blocks and states of the source.
-    line, epoch : (n,)
-        Where the file lays each known bead, from 1, and the epoch the source has it in.
+    `line` is where the file lays each known bead, from 1, `epoch` the one the source has it in.
     """
     text = text.rstrip()
     rows = text.split(b"\n")
     begin, faults = match_start(rows, document.preamble)
     end, more = match_end(rows, document.postamble)
     lines = faults + more
-    taken: set[int] = set()
-    spans, more = _find_blocks(rows, document.blocks, line, epoch, taken)
+    spans, more = _find_blocks(rows, document.blocks, line, epoch)
     lines += more
+    taken = {k for span in spans if span is not None for k in range(span[0] - 1, span[1])}
     known = known_settings(document)
     for k in not_plain(text, _PLAIN):
         if _WITH_EXPONENT.match(rows[k].lstrip()):
@@ -140,9 +127,9 @@ def match_end(rows: Sequence[bytes], postamble: bytes) -> tuple[int, list[str]]:
 
 
 def _find_blocks(
-    rows: Sequence[bytes], blocks: Sequence[Block], line: Ints, epoch: Ints, taken: set[int]
+    rows: Sequence[bytes], blocks: Sequence[Block], line: Ints, epoch: Ints
 ) -> tuple[list[tuple[int, int] | None], list[str]]:
-    """Return where each block is, from 1, and what is wrong; writes their lines into `taken`.
+    """Return where each block is, from 1, and what is wrong.
 
     A block belongs below all beads of earlier epochs and above all later ones.
     """
@@ -169,17 +156,15 @@ def _find_blocks(
                 f"follows it in the source (line {block.line}, {block.reason})"
             )
             continue
-        found = [low + number for number, _ in has[at : at + len(due)]]
-        taken.update(found)
-        since = found[-1] + 1
-        spans[-1] = (found[0] + 1, found[-1] + 1)
+        since = low + has[at + len(due) - 1][0] + 1
+        spans[-1] = (low + has[at][0] + 1, since)
     return spans, lines
 
 
 def known_settings(document: GcodeDocument) -> frozenset[bytes]:
     """Return the commands with which the source sets its states, comments left out."""
     states = document.states
-    kept = [k for k, slot in enumerate(states.slots) if not slot.startswith(_BLOCKS_ALONE)]
+    kept = [k for k, slot in enumerate(states.slots) if not slot.startswith(SILENT)]
     used = np.unique(states.rows[:, kept]).tolist() if kept else []
     texts = [text for k in used for text in (states.values[k], states.leave[k])]
     return frozenset(codes_of("\n".join(texts).encode("utf-8", "surrogateescape")))
@@ -191,20 +176,15 @@ def sets_state(code: bytes) -> bool:
     return name is not None and name[0] in _SETS_STATE
 
 
-def no_moves(text: bytes) -> list[int]:
-    """Return the lines of a text, from 0, that are not plain moves (`is_move`) as they stand."""
-    return not_plain(text, _MOVE)
-
-
 def is_move(code: bytes) -> bool:
     """Tell whether a command is a move, which may stand between contours: moves are simulated."""
-    return _MOVE.match(code) is not None
+    return PLAIN_MOVE.match(code) is not None
 
 
 def accepted(row: bytes, known: frozenset[bytes]) -> bool:
     """Tell whether a line may stand between contours."""
     code = command_of(row)
-    if not code or _MOVE.match(code) or _RETRACTION.match(code):
+    if not code or PLAIN_MOVE.match(code) or _RETRACTION.match(code):
         return True
     if (dwell := _DWELL.match(code)) and row.rstrip().endswith(_OWN_DWELLS):
         return int(dwell[1]) <= 1000.0 * LONGEST_DWELL_S

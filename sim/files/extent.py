@@ -5,7 +5,7 @@ is its slicer's business. What is judged: no print is larger than the bed (purge
 role CUSTOM, are drawn beside it on purpose); nothing goes lower than the bed, z = 0, or
 than the source goes; and nothing leaves the rectangle round bed, source and park.
 
-`PrintedFile` is a one-head file as the judge sees it: moves, and beads that grow with them.
+Below is a one-head file as the judge sees it: moves, and beads that grow with them.
 """
 
 from __future__ import annotations
@@ -79,7 +79,11 @@ def check_file_feeds(motions: Motions, source: Motions, machine: Machine) -> lis
     made at feed 0 that the source does not make so: a file's first moves may come before any F, and
     those are the source's.
     """
-    faults = _feedless_moves(motions, source) + check_filament_feeds(motions, source)
+    theirs = {tuple(row) for row in _feedless(source)[1].tolist()}
+    ours = zip(*(column.tolist() for column in _feedless(motions)), strict=True)
+    new = [i for i, row in ours if tuple(row) not in theirs]
+    faults = listed(FaultKind.FEED, [f"line {motions.line[i]} moves at feed 0" for i in new])
+    faults += check_filament_feeds(motions, source)
     if len(due := np.asarray(source.feed)[_travels(source)]):
         usual = machine.limits.travel_feed
         low, high = min(float(due.min()), usual, DEFAULT_TRAVEL), max(float(due.max()), usual)
@@ -121,15 +125,6 @@ def _travels(motions: Motions) -> Ints:
     goes = (motions.points[rows] != motions.points[rows + 1]).any(axis=1)
     goes &= (np.asarray(motions.extrusion)[rows] <= 0.0) & (np.asarray(motions.feed)[rows] > 0.0)
     return np.asarray(rows[goes])
-
-
-def _feedless_moves(motions: Motions, source: Motions) -> list[Fault]:
-    theirs = {tuple(row) for row in _feedless(source)[1].tolist()}
-    rows, ends = _feedless(motions)
-    new = [
-        i for i, row in zip(rows.tolist(), ends.tolist(), strict=True) if tuple(row) not in theirs
-    ]
-    return listed(FaultKind.FEED, [f"line {motions.line[i]} moves at feed 0" for i in new])
 
 
 def _feedless(motions: Motions) -> tuple[Ints, Floats]:
@@ -176,10 +171,14 @@ def _too_large(contours: Contours, machine: Machine) -> list[str]:
 
 def laying_moves(motions: Motions) -> Ints:
     """Return the moves that lay down material."""
-    n = len(motions.line)
-    tool = np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
     known = np.asarray(motions.contour) >= 0
-    return laying_rows(motions.points, np.asarray(motions.extrusion), tool, known)
+    return laying_rows(motions.points, np.asarray(motions.extrusion), tools_of(motions), known)
+
+
+def tools_of(motions: Motions) -> Ints:
+    """Return the tool in use, (m,)."""
+    n = len(motions.line)
+    return np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
 
 
 def segments_of(motions: Motions, laid: Ints) -> Segments:
@@ -208,17 +207,11 @@ def beads_of(motions: Motions, laid: Ints, match: Ints) -> Beads:
 
     Only contours count: a purge line of the start code has no stated size, and the start code
     is not reordered. A contour may slope over itself where it runs as in the source. In another
-    traversal each of its segments is material for the next ones.
-
-    Parameters
-    ----------
-    motions : Motions
-    laid : (n,) from `laying_moves`
-    match : (n,) for each laying move the place of its segment in the source
+    traversal each of its segments is material for the next ones. `match` is for each of the
+    `laying_moves` the place of its segment in the source, (n,).
     """
-    rows = laid
-    contour = np.asarray(motions.contour, np.int64)[rows]
-    rows, match, contour = (values[contour >= 0] for values in (rows, match, contour))
+    contour = np.asarray(motions.contour, np.int64)[laid]
+    rows, match, contour = (values[contour >= 0] for values in (laid, match, contour))
     if not len(rows):
         raise ValueError("no contour in the file")
     begins = np.concatenate([[True], contour[1:] != contour[:-1]])
@@ -227,11 +220,6 @@ def beads_of(motions: Motions, laid: Ints, match: Ints) -> Beads:
     forward = np.concatenate([[True], (np.diff(match) == 1) | begins[1:]])
     as_sliced = np.logical_and.reduceat(forward, np.nonzero(begins)[0])[run]
     since = np.where(as_sliced, rows[last[run]], rows) + 1
-    return Beads(
-        motions.points[rows],
-        motions.points[rows + 1],
-        np.asarray(motions.width, np.float64)[rows],
-        np.asarray(motions.height, np.float64)[rows],
-        since,
-        np.asarray(motions.line, np.int64)[rows],
-    )
+    width, height = np.asarray(motions.width)[rows], np.asarray(motions.height)[rows]
+    line = np.asarray(motions.line, np.int64)[rows]
+    return Beads(motions.points[rows], motions.points[rows + 1], width, height, since, line)

@@ -1,15 +1,9 @@
 """The judge's book of filament: what each tool pushes and pulls, from move to move of the file.
 
-The source is the measure. A stretch is what lies between two beads, or between a bead and lines
-that stand word for word as in the source. What its moves push less what they pull is its *net*.
-
-- Each tool gives in the whole file what it gives in the source.
-- The stretch before each contour has the net it has in the source, whatever comes before it. So a
-  bead begins with as much retracted, and what the source leaves on the spot is left.
-- The stretches before and behind the source's own lines have the nets they have there.
-- Nowhere within a stretch is more pulled, or more pushed beyond what was pulled, than the source
-  does with that tool.
-- A bead that is begun unretracted in the source is not begun retracted by the firmware.
+The source is the measure; docs/gcode.md (*What the judge accepts*) has the rules. A stretch is what
+lies between two beads, or between a bead and lines that stand word for word as in the source. What
+its moves push less what they pull is its *net*. A bead that is begun unretracted in the source is
+not begun retracted by the firmware.
 
 All this is counted in running sums of the moves. Nothing that the reader or the writer has found
 out about retraction is asked for.
@@ -28,7 +22,8 @@ from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
-from sim.files.unretracted import SAME_MM, Spans, Ways, farther_unretracted
+from sim.files.extent import tools_of
+from sim.files.unretracted import SAME_MM, Spans, Ways, enough_of, farther_unretracted
 
 TOTAL_MM = 1e-4  # by which the filament of a tool may differ in all
 NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, on both sides
@@ -45,16 +40,8 @@ def check_filament(
     """Check the filament of a one-head file against its source's; linear in their moves.
 
     What the source pushes and pulls for a change of tools goes with that change, as often as the
-    file makes it.
-
-    Parameters
-    ----------
-    places
-        Where the file has the source's own lines.
-    laid : (k,), (k,)
-        Moves of the file that lay beads, and the source's contour each is of, -1: of none.
-    taken
-        The source as a file takes it that changes tools elsewhere; None: as it stands.
+    file makes it. `places` says where the file has the source's own lines, `laid` which moves of it
+    lay beads, (k,), and the source's contour each is of, -1: of none.
     """
     given = document if taken is None else taken.given
     laid = _contours_of(motions, *laid)
@@ -68,15 +55,19 @@ def check_filament(
         numbers = np.concatenate([[0], taken.block + 1, [NONE]])  # the last: of no lines
         book = replace(book, lines=numbers[book.lines])
     ways = ways_of(own, source)
+    found = farther_unretracted(ways_of(book, motions, ways), ways)
+    unretracted = [f"above line {motions.line[book.bead[k + 1]]} {t}" for k, t in found.items()]
+    # what is behind a source's last bead is of its end code
+    own_places = Verbatim(spans[0][1] + 1, int(source.line[-1]) + 1, tuple(spans[1:]))
     return [
         *_check_totals(motions, source, taken),
         *_check_nets(book, own, motions),
         *_check_depths(book, own, motions),
         *_check_firmware(book, own, motions, source),
-        *_check_unretracted(book, ways, motions),
+        *listed(FaultKind.STATE, unretracted),
         *_check_outer_ways(
             _outer_ways(motions, laid[0], places, ways.enough),
-            _outer_ways(source, theirs, _places_in_source(document, spans, source), ways.enough),
+            _outer_ways(source, theirs, own_places, ways.enough),
             ways,
             (int(motions.line[laid[0][0]]), places.end),
         ),
@@ -158,13 +149,7 @@ def _contours_of(motions: Motions, laid: Ints, contour: Ints) -> tuple[Ints, Int
     return rows, each[rows]
 
 
-def tools_of(motions: Motions) -> Ints:
-    """Return the tool in use, (m,)."""
-    n = len(motions.line)
-    return np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
-
-
-def lines_in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
+def lines_in_source(document: GcodeDocument) -> list[tuple[int, int]]:
     """Return the lines of start code and blocks in the source, first and last, from 1."""
     above = document.preamble.count(b"\n")
     spans = [(b.line, b.last_line) for b in document.blocks]
@@ -287,20 +272,12 @@ def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) ->
     return listed(FaultKind.STATE, texts)
 
 
-def _check_unretracted(book: Book, theirs: Ways, motions: Motions) -> list[Fault]:
-    found = farther_unretracted(ways_of(book, motions, theirs), theirs)
-    line, bead = motions.line, book.bead[1:]
-    return listed(FaultKind.STATE, [f"above line {line[bead[k]]} {t}" for k, t in found.items()])
-
-
 def ways_of(book: Book, motions: Motions, source: Ways | None = None) -> Ways:
     """Return the ways from each contour to the next; None: of the source itself."""
-    points, extrusion = np.asarray(motions.points), np.asarray(motions.extrusion)
-    plain = book.kept & (book.lines < 0)
+    extrusion, plain = np.asarray(motions.extrusion), book.kept & (book.lines < 0)
     spans = Spans(book.behind[1:], book.bead[1:], book.tool[1:], plain[1:])
-    if source is None:
-        return Ways.of_source(points, extrusion, _withdrawn(motions), spans)
-    return Ways.of(points, extrusion, _withdrawn(motions), spans, source.enough)
+    enough = enough_of(extrusion, spans) if source is None else source.enough
+    return Ways.of(np.asarray(motions.points), extrusion, _withdrawn(motions), spans, enough)
 
 
 def _check_outer_ways(ways: Ways, usual: Ways, theirs: Ways, lines: tuple[int, int]) -> list[Fault]:
@@ -314,12 +291,6 @@ def _check_outer_ways(ways: Ways, usual: Ways, theirs: Ways, lines: tuple[int, i
     if as_source or not (usual.plain[0] and usual.retracts[0]):
         found.pop(0, None)
     return listed(FaultKind.STATE, [f"above line {lines[k]} {text}" for k, text in found.items()])
-
-
-def _places_in_source(document: GcodeDocument, spans: LineSpans, source: Motions) -> Verbatim:
-    """Return where a source has its own lines; what is behind its last bead is of its end code."""
-    begin, end = document.preamble.count(b"\n") + 1, int(source.line[-1]) + 1
-    return Verbatim(begin, end, tuple(spans[1:]))
 
 
 def _outer_ways(

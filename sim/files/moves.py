@@ -92,12 +92,8 @@ def check_moves(
 ) -> Matched:
     """Check the moves of a file; whatever judges a file of one head asks here.
 
-    Parameters
-    ----------
-    job : PrintJob | None
-        The source's print; when given, nothing may have moved across its barriers.
-    seams : Sequence[Moved]
-        Loops of `job` the file enters at another vertex.
+    With the source's `job` nothing may have moved across its barriers. `seams` are loops of it
+    that the file enters at another vertex.
     """
     given, turns, moved = source, turns_of(source), {seam.contour for seam in seams}
     if job is not None:
@@ -118,9 +114,12 @@ def check_moves(
     faults += check_file_extent(motions, source, machine)
     faults += check_file_feeds(motions, source, machine)
     contours = job.contours if job is not None and len(job.contours) else None
-    contacts, warnings, beside = check_file_material(
-        motions, given, machine, laid, printed, match, contours
-    )
+    try:
+        contacts, warnings, beside = _check_material(
+            motions, given, machine, laid, printed, match, contours
+        )
+    except UndecidedError as error:
+        contacts, warnings, beside = [Fault(FaultKind.HEAD_MATERIAL, str(error))], (), None
     return Matched(
         faults + contacts, False, len(motions.line), ours, laid, printed, lines, warnings, beside
     )
@@ -131,44 +130,27 @@ LOOKED_AT = 10 * LIMIT  # contacts that are looked for; what is allowed is none 
 FILE_TOLERANCE_MM = 2e-3  # overlap that counts as touching: files have three decimals
 
 
-def check_file_material(
+def _check_material(
     motions: Motions, source: Motions, machine: Machine, laid: Ints, contour: Ints, match: Ints,
     contours: Contours | None,
 ) -> tuple[list[Fault], tuple[str, ...], Gap | None]:  # fmt: skip
     """Move the first head of the machine through the file.
 
     Contacts between contours are none to report where the source makes them too
-    (`sim.replay.contacts`). Those of other moves are warnings where the source makes the same
-    move behind the same bead, in its end code for one.
+    (`sim.replay.contacts`); without its `contours` none is. Those of other moves are warnings where
+    the source makes the same move behind the same bead, in its end code for one. Returns faults,
+    warnings, and the least gap from the first contour to the last.
 
-    Parameters
-    ----------
-    laid : (n,)
-        The moves that lay material.
-    contour : (n,)
-        Which contour of the source each of them prints; below 0: none.
-    match : (n,)
-        Which of the source's segments, in the source's order.
-    contours : Contours | None
-        The source's; None: no contact between them is its own.
+    `laid` are the moves that lay material, `contour` and `match` which contour of the source, and
+    which of its segments in its order, each of them prints; below 0: none, (n,).
 
-    Returns
-    -------
-    The faults, the warnings, and the least gap from the first contour to the last.
+    Raises
+    ------
+    UndecidedError
+        Where contacts are too many to decide.
     """
     if not (np.asarray(motions.contour) >= 0).any():
         return [], (), None
-    try:
-        return _moved(motions, source, machine, laid, contour, match, contours)
-    except UndecidedError as error:
-        return [Fault(FaultKind.HEAD_MATERIAL, str(error))], (), None
-
-
-def _moved(
-    motions: Motions, source: Motions, machine: Machine, laid: Ints, contour: Ints, match: Ints,
-    contours: Contours | None,
-) -> tuple[list[Fault], tuple[str, ...], Gap | None]:  # fmt: skip
-    """Return faults, warnings and the least gap; raises UndecidedError."""
     faults, warnings, beside = list[Fault](), tuple[str, ...](), None
     file = _file_of(motions, machine, laid, contour, match)
     if contours is not None:
@@ -179,23 +161,17 @@ def _moved(
     contacts = file.contacts(machine, allowed, near)
     if (file.whose.own[[c.move for c in contacts]] < 0).any():
         forgiven = _forgiven(file, source)
-        warnings = _warnings(
-            file, file.contacts(machine, lambda *at: allowed(*at) | ~forgiven(*at))
-        )
+        own = file.contacts(machine, lambda *at: allowed(*at) | ~forgiven(*at))
+        warnings = tuple(file.text(c) for c in own[:SHOWN])
+        if (more := len(own) - SHOWN) > 0:
+            count = f"over {more}" if len(own) >= LOOKED_AT else str(more)
+            warnings += (f"and {count} more like it, as in the source",)
         contacts = file.contacts(machine, lambda *at: allowed(*at) | forgiven(*at))
     if not contacts:
         does = f"line {file.line[near.move]}"
         beside = near.gap(machine, 0, does, "the bead of line", file.beads.label)
     texts = [file.text(c) for c in contacts]
     return faults + listed(FaultKind.HEAD_MATERIAL, texts), warnings, beside
-
-
-def _warnings(file: _File, contacts: list[Contact]) -> tuple[str, ...]:
-    lines = [file.text(c) for c in contacts[:SHOWN]]
-    if (more := len(contacts) - SHOWN) > 0:
-        count = f"over {more}" if len(contacts) >= LOOKED_AT else str(more)
-        lines.append(f"and {count} more like it, as in the source")
-    return tuple(lines)
 
 
 def _forgiven(file: _File, source: Motions) -> Allowed:

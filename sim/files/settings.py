@@ -54,6 +54,7 @@ _UNSET = {  # in force where nothing was set
 
 SettingLines = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
+_SettingBook = tuple[list[tuple[int, str]], list[tuple[int, str]]]  # file and source
 
 
 def check_settings(
@@ -62,29 +63,22 @@ def check_settings(
 ) -> list[Fault]:  # fmt: skip
     """Check that each bead is laid under the settings it is laid under in the source.
 
-    Parameters
-    ----------
-    ours, theirs
-        What the file sets, and its source.
-    line, source_line : (n,)
-        Where each bead is laid in the file, and where in the source, from 1.
-    alike : (n,)
-        Equal for beads that are alike in place, filament and feed: each may be any of them.
-        None: no two are.
+    Each is laid in `line` of the file and in `source_line` of the source, from 1, (n,). `alike` is
+    equal for beads that are alike in place, filament and feed: each may be any of them.
     """
-    books = [
-        _ComparedSetting.of(name, ours.get(name, []), theirs.get(name, []))
-        for name in dict.fromkeys([*theirs, *ours])
-    ]
+    books = {
+        name: (ours.get(name, []), theirs.get(name, [])) for name in dict.fromkeys([*theirs, *ours])
+    }
     if alike is not None:
         source_line = _exchanged(books, line, source_line, alike)
     lines, total = list[str](), 0
-    for book in books:
-        a, b, wrong = book.differing(line, source_line)
+    for name, book in books.items():
+        values, a, b = _compared(name, book, line, source_line)
+        wrong = np.flatnonzero(a != b)
         total += len(wrong)
         lines += [
-            f"line {line[k]} is printed with {book.name} {book.values[a[k]] or 'not set'}, in the "
-            f"source with {book.values[b[k]] or 'not set'} (line {source_line[k]} there)"
+            f"line {line[k]} is printed with {name} {values[a[k]] or 'not set'}, in the "
+            f"source with {values[b[k]] or 'not set'} (line {source_line[k]} there)"
             for k in wrong[:LIMIT].tolist()
         ]
     return listed(FaultKind.STATE, lines[:LIMIT], total=total)
@@ -139,37 +133,28 @@ def travelling(points: Floats, extrusion: Floats, placed: Flags | None) -> Ints:
     return np.asarray(between[(between > laid[0]) & (between < laid[-1])])
 
 
-@dataclass(frozen=True, slots=True)
-class _ComparedSetting:
-    """What one setting is in the file and in its source, line by line."""
+def _compared(
+    name: str, book: _SettingBook, line: Ints, source_line: Ints
+) -> tuple[list[str], Ints, Ints]:
+    """Return the values of a setting, and which is in force at lines of the file and the source.
 
-    name: str
-    values: list[str]  # the first is in force where nothing was set
-    has: list[tuple[int, str]]
-    due: list[tuple[int, str]]
-
-    @staticmethod
-    def of(name: str, has: list[tuple[int, str]], due: list[tuple[int, str]]) -> _ComparedSetting:
-        first = (0, _UNSET.get(name, ""))
-        values = list(dict.fromkeys(value for _, value in [first, *has, *due]))
-        return _ComparedSetting(name, values, [first, *has], [first, *due])
-
-    def differing(self, line: Ints, source_line: Ints) -> tuple[Ints, Ints, Ints]:
-        """Return the values at lines of the file and of the source, and where they are at odds."""
-        number = {value: k for k, value in enumerate(self.values)}
-        a, b = in_force(self.has, number, line), in_force(self.due, number, source_line)
-        return a, b, np.flatnonzero(a != b)
+    The first is in force where nothing was set.
+    """
+    has, due = ([(0, _UNSET.get(name, "")), *changes] for changes in book)
+    values = list(dict.fromkeys(value for _, value in has + due))
+    number = {value: k for k, value in enumerate(values)}
+    return values, in_force(has, number, line), in_force(due, number, source_line)
 
 
-def _exchanged(books: list[_ComparedSetting], line: Ints, source_line: Ints, alike: Ints) -> Ints:
+def _exchanged(books: dict[str, _SettingBook], line: Ints, source_line: Ints, alike: Ints) -> Ints:
     """Return the source's lines with beads that are alike exchanged where their settings differ."""
+    held = [_compared(name, book, line, source_line)[1:] for name, book in books.items()]
     wrong = np.zeros(len(line), np.bool_)
-    for book in books:
-        wrong[book.differing(line, source_line)[2]] = True
+    for a, b in held:
+        wrong |= a != b
     rows = np.flatnonzero(np.isin(alike, alike[wrong]))
-    kinds = [book.differing(line[rows], source_line[rows])[:2] for book in books]
-    mine = np.lexsort([*(a for a, _ in kinds), alike[rows]])
-    theirs = np.lexsort([*(b for _, b in kinds), alike[rows]])
+    mine = np.lexsort([*(a[rows] for a, _ in held), alike[rows]])
+    theirs = np.lexsort([*(b[rows] for _, b in held), alike[rows]])
     exchanged = source_line.copy()
     exchanged[rows[mine]] = source_line[rows[theirs]]
     return exchanged

@@ -54,14 +54,8 @@ def check_temperatures(
 
     With `own_tool`, for files that change tools elsewhere: all heaters but hot ends of other tools.
     A tool that is chosen then keeps what it was told, and what any other command that may heat has
-    left is known by what it says.
-
-    Parameters
-    ----------
-    text, source
-        The file and its source.
-    line, source_line : (n,)
-        Where each bead is laid in the file, and where in the source, from 1.
+    left is known by what it says. Each bead is laid in `line` of the file and in `source_line` of
+    the source, from 1, (n,).
     """
     ours, theirs = (list(_book(each, own_tool)) for each in (text, source))
     number = {
@@ -103,19 +97,18 @@ def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, StatedHeats]]:
                 known = {*stated, f"hot end {tool}", "bed", "chamber"}
             if _HOMES.match(code):
                 known = {heater for heater in known if heater.startswith("hot")}
-            by = _shown(code) if own_tool else f"command {others} that may heat"
+            by = (
+                f"'{code.decode('utf-8', 'replace')}'"
+                if own_tool
+                else f"command {others} that may heat"
+            )
             stated |= dict.fromkeys(known, f"as {by} left it")
         hot = {f"hot end {tool}"} if own_tool else set(stated)
         counts = ((key, value) for key, value in stated.items() if key in hot or key in _OF_ALL)
         yield number, tuple(sorted(counts))
 
 
-def _shown(code: bytes) -> str:
-    return f"'{code.decode('utf-8', 'replace')}'"
-
-
 def _differing(ours: StatedHeats, theirs: StatedHeats) -> str:
-    """Return the words for the first heater that is told something else."""
     mine, own = dict(ours), dict(theirs)
     heater = next(h for h in sorted({*mine, *own}) if mine.get(h) != own.get(h))
     here, there = mine.get(heater, "told nothing"), own.get(heater, "told nothing")
@@ -134,7 +127,10 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
 
     None where its epochs are no such phases, or none is set again.
     """
-    stated = _after_start(document.preamble)
+    stated: StatedDegrees = {}  # by start code, in words that name no tool
+    for code in codes_of(document.preamble):
+        if value := _IN_START.match(code):
+            stated["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])
     count = int(job.contours.epoch.max(initial=0)) + 1
     blocks = {block.epoch: block for block in document.blocks}
     if len(blocks) != len(document.blocks) or set(blocks) != set(range(1, count)) or job.refills:
@@ -157,15 +153,6 @@ def in_phases(job: PrintJob, document: GcodeDocument) -> tuple[PrintJob, GcodeDo
     kept = tuple(replace(blocks[k], epoch=int(phase[k])) for k in first)
     contours = replace(job.contours, epoch=phase[job.contours.epoch])
     return replace(job, contours=contours), replace(document, blocks=kept)
-
-
-def _after_start(preamble: bytes) -> StatedDegrees:
-    """Return what start code tells the heaters in words that name no tool."""
-    stated: StatedDegrees = {}
-    for code in codes_of(preamble):
-        if value := _IN_START.match(code):
-            stated["bed" if code[:4].upper() in _BED else "hot end"] = float(value[1])
-    return stated
 
 
 def _come_down(contours: Contours, phase: np.ndarray[tuple[int], np.dtype[np.int32]]) -> bool:

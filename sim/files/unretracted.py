@@ -1,12 +1,8 @@
 """How far the nozzle travels unretracted, against the source: filament oozes there.
 
-Between two beads a file either retracts or does not. Where it does, it travels unretracted before
-that and after no farther than the source does where it retracts with that tool. Where it does not,
-it travels no farther than the source does where it does not, or less far than the next longer way
-on which the source retracts. Retracted is what is pulled at least half as far as the source pulls
-with that tool wherever it retracts.
-
-Counted from the moves alone, as all of `sim.files.ledger`.
+Where a file does not retract between two beads, it travels no farther than the source does where it
+does not, or less far than the next longer way on which the source retracts. docs/gcode.md has the
+other rules (*What the judge accepts*). Counted from the moves alone, as all of `sim.files.ledger`.
 """
 
 from __future__ import annotations
@@ -45,23 +41,6 @@ class Ways(NamedTuple):
     distance: Floats  # mm from end to end
     enough: Mapping[int, float]  # by tool, mm of filament that count as retracted
 
-    @classmethod
-    def of_source(
-        cls, points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans
-    ) -> Ways:  # fmt: skip
-        """Measure the ways of a source, and what counts as retracted with each of its tools."""
-        total, (begin, end, tool, plain) = np.cumsum(np.append(0.0, extrusion)), spans
-        depth = np.zeros(len(begin))
-        if len(begin):
-            pairs = np.stack([begin, end + 1], axis=1).ravel()
-            depth = total[begin] - np.minimum.reduceat(np.append(total, np.inf), pairs)[::2]
-        pulls = plain & (depth > PULLED_MM)
-        enough = {
-            t: max(PULLED_MM, ENOUGH * float(depth[pulls & (tool == t)].min()))
-            for t in np.unique(tool[pulls]).tolist()
-        }
-        return cls.of(points, extrusion, withdrawn, spans, enough)
-
     @staticmethod
     def of(
         points: Floats, extrusion: Floats, withdrawn: Flags, spans: Spans,
@@ -95,6 +74,20 @@ class Ways(NamedTuple):
             spans.tool, spans.plain, np.bincount(way, held, n) > 0, unretracted,
             np.asarray(np.linalg.norm(points[end] - points[begin], axis=1)), enough,
         )  # fmt: skip
+
+
+def enough_of(extrusion: Floats, spans: Spans) -> dict[int, float]:
+    """Return what counts as retracted with each tool of a source, mm, by the ways it goes."""
+    total, (begin, end, tool, plain) = np.cumsum(np.append(0.0, extrusion)), spans
+    depth = np.zeros(len(begin))
+    if len(begin):
+        pairs = np.stack([begin, end + 1], axis=1).ravel()
+        depth = total[begin] - np.minimum.reduceat(np.append(total, np.inf), pairs)[::2]
+    pulls = plain & (depth > PULLED_MM)
+    return {
+        t: max(PULLED_MM, ENOUGH * float(depth[pulls & (tool == t)].min()))
+        for t in np.unique(tool[pulls]).tolist()
+    }
 
 
 def farther_unretracted(ours: Ways, theirs: Ways, *, parted: bool = False) -> dict[int, str]:

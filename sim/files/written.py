@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -28,6 +28,8 @@ from decmcts.formats.gcode import (
     read_gcode,
     read_written,
 )
+from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
+from decmcts.formats.gcode.reading.reader import Ending
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -38,7 +40,6 @@ from sim.content.seams import Moved, seams_of_file
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.changes import Taken, as_taken
 from sim.files.commands import check_book, check_commands
-from sim.files.endings import ending_faults
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
@@ -46,19 +47,11 @@ from sim.files.temperatures import check_temperatures, in_phases
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
+HOT_ENDS = ("temperature hotend",)  # how slots begin that say how hot tools are told to be
+XYZ_MM = 1e-3
+OVER_MM = 1.0  # above the print the head may stand when its end G-code begins
 DWELL = re.compile(rb"^G4 P(\d+)", re.M)
 Dwell = tuple[int, float]  # its line, from 1, and seconds
-
-
-@dataclass(frozen=True, slots=True)
-class ReadBack:
-    """A file as it was read back, beside what it was made from."""
-
-    text: bytes
-    motions: Motions
-    seams: Sequence[Moved]  # loops that begin at another vertex
-    faults: list[Fault]  # found while reading: extrusions or an ending unlike the source's
-    taken: Taken | None  # the source as the file takes it, if it changes tools elsewhere
 
 
 def verify_written(
@@ -89,9 +82,7 @@ def verify_written(
     plate : int | None
         Which of a .gcode.3mf is judged.
     """
-    judge = partial(
-        _verify, path, machine=machine, seams=seams, actions=actions, plate=plate
-    )  # fmt: skip
+    judge = partial(_verify, path, machine=machine, seams=seams, actions=actions, plate=plate)
     verdict = judge(job, document)
     if verdict.ok or (phases := in_phases(job, document)) is None:
         return verdict
@@ -106,18 +97,25 @@ def _verify(
     """Return the verdict on a file with the epochs and the blocks that are given."""
     source = document.moves
     try:
-        written = _read_back(path, job, document, source, seams, plate)
+        ours, _, motions, ending = read_written(path, document, plate)
+        text = load_text(path, plate)
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
-    motions = written.motions
-    if (taken := written.taken) is not None:
+    moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
+    taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
+    # where tools change elsewhere, how hot they are told to be is compared by values alone
+    ends = ending_faults(document, ending, hot_ends=taken is None)
+    if taken is not None:
         job, document = taken.job, taken.document
-    matched = check_moves(motions, source, machine, job=job, seams=written.seams)
+    matched = check_moves(motions, source, machine, job=job, seams=moved)
     if matched.is_other:
         return matched.verdict()
-    faults = written.faults + _check_text(written, source, (job, document), matched, taken)
-    dwells = list(_dwells(written.text))
-    faults += _check_stands(dwells, motions, matched)
+    dwells = list(_dwells(text))
+    faults = [
+        *listed(FaultKind.STATE, ends),
+        *_check_text(text, motions, job, document, matched, taken),
+        *_check_stands(dwells, motions, matched),
+    ]
     if actions is not None:
         faults += _check_waits(dwells, motions, matched.laid, actions)
     verdict = matched.verdict(faults)
@@ -144,58 +142,80 @@ def check_line_numbers(line: int | None) -> list[Fault]:
     return [Fault(FaultKind.COMMAND, text)]
 
 
-def _read_back(
-    path: Path | str,
-    job: PrintJob,
-    document: GcodeDocument,
-    source: Motions,
-    seams: Sequence[Moved] | None,
-    plate: int | None,
-) -> ReadBack:
-    """Read a file that was made from a document; raises InputError where that fails."""
-    ours, _, motions, ending = read_written(path, document, plate)
-    moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
-    taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
-    texts = taken is None  # else how hot tools are told to be is compared by their values alone
-    endings = ending_faults(document, ending, hot_ends=texts)
-    faults = listed(FaultKind.STATE, endings)
-    return ReadBack(load_text(path, plate), motions, moved, faults, taken)
+def ending_faults(document: GcodeDocument, ending: Ending, *, hot_ends: bool = True) -> list[str]:
+    """Return how a file made from `document` reaches its end G-code otherwise than the source.
+
+    End G-code relies on where the head is, what is retracted, and what is set; without `hot_ends`
+    these may be told anything.
+    """
+    cursor, end, but = ending.cursor, document.end, () if hot_ends else HOT_ENDS
+    faults = _place(ending, end.position)
+    if abs(cursor.owed - end.owed) > XYZ_MM or cursor.firmware_retracted != end.firmware_retracted:
+        faults.append(f"{cursor.owed:.3f} mm are retracted, in the source {end.owed:.3f}")
+    if cursor.relative_e != end.relative_e or cursor.tool != end.tool:
+        faults.append("the mode of E or the tool is another")
+    if not end.relative_e and abs(cursor.e - end.e) > XYZ_MM:
+        faults.append(f"E stands at {cursor.e:.5f}, in the source at {end.e:.5f}")
+    ours = states_in_force(ending.states, cursor.state, but)
+    theirs = states_in_force(document.states, end.state, but)
+    faults += [f"in force is '{a}'" for _, a in sorted(ours - theirs)]
+    faults += [f"not in force is '{a}'" for _, a in sorted(theirs - ours)]
+    return [f"before the end G-code {fault}" for fault in faults]
+
+
+def _place(ending: Ending, place: tuple[float, float, float]) -> list[str]:
+    """Return what is wrong with where the head is when it should be at, or above, `place`.
+
+    On the print it may only stand where it has just laid the last bead.
+    """
+    at = ending.cursor.position
+    if max(abs(a - b) for a, b in zip(at[:2], place[:2], strict=True)) > 2 * XYZ_MM:
+        return [f"the head is at {at}, in the source at {place}"]
+    just_laid = max(abs(a - b) for a, b in zip(at, ending.laid, strict=True)) <= 2 * XYZ_MM
+    if just_laid and abs(at[2] - place[2]) <= 2 * XYZ_MM:
+        return []
+    if at[2] <= ending.top + XYZ_MM:
+        return [f"the head comes down on the print at {at}, {ending.top:g} mm high"]
+    highest = max(ending.top, place[2]) + OVER_MM
+    return [f"the head is at {at}, above {highest:g} mm"] if at[2] > highest else []
+
+
+def states_in_force(
+    table: StateTable, row: int, but: tuple[str, ...] = SILENT
+) -> set[tuple[str, str]]:
+    """Return slot and text of all that commands something in a state, `but` what begins so."""
+    return {
+        (slot, table.values[v])
+        for slot, v in zip(table.slots, table.rows[row].tolist(), strict=True)
+        if v and slot not in DESCRIBES and not slot.startswith(but)
+    }
 
 
 def _check_text(
-    written: ReadBack, source: Motions, due: tuple[PrintJob, GcodeDocument], matched: Matched,
+    text: bytes, motions: Motions, job: PrintJob, document: GcodeDocument, matched: Matched,
     taken: Taken | None,
 ) -> list[Fault]:  # fmt: skip
-    """Check the commands of a file, and its filament, against the source's."""
-    job, document = due
-    known = matched.contour >= 0
+    """Check a file's commands, filament, settings and temperatures against the source's."""
+    known, lines = matched.contour >= 0, np.asarray(motions.line)
     laid, contour = matched.laid[known], matched.contour[known]
     epoch = np.asarray(job.contours.epoch, np.int64)[contour]
-    line = np.asarray(written.motions.line)[laid]
-    faults, places = check_commands(written.text, document, line, epoch)
-    filament = check_filament(written.motions, source, document, places, (laid, contour), taken)
-    return faults + filament + _check_source_text(written, source, document, matched, taken)
-
-
-def _check_source_text(
-    written: ReadBack, moves: Motions, document: GcodeDocument, matched: Matched,
-    taken: Taken | None,
-) -> list[Fault]:  # fmt: skip
-    """Check commands, settings and temperatures against the source's text."""
+    faults, places = check_commands(text, document, lines[laid], epoch)
+    faults += check_filament(motions, document.moves, document, places, (laid, contour), taken)
     try:
         source = source_text(document)
     except InputError as error:
-        return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
-    ours, theirs = settings_of(written.text), settings_of(source)
-    travels = TravelSettings.of(theirs, travels_of(moves))
+        unread = f"the source cannot be read once more: {error}"
+        return [*faults, Fault(FaultKind.STATE, unread)]
+    ours, theirs = settings_of(text), settings_of(source)
+    travels = TravelSettings.of(theirs, travels_of(document.moves))
     known = matched.source_line >= 0
-    line = np.asarray(written.motions.line)[matched.laid[known]]
-    there = matched.source_line[known]
+    line, there = lines[matched.laid[known]], matched.source_line[known]
     return [
-        *check_book(written.text, source, None if taken is None else taken.commands()),
+        *faults,
+        *check_book(text, source, None if taken is None else taken.commands()),
         *check_settings(ours, theirs, line, there, alike_of(matched.segments)[known]),
-        *listed(FaultKind.STATE, list(travels.differing(ours, travels_of(written.motions)))),
-        *check_temperatures(written.text, source, line, there, own_tool=taken is not None),
+        *listed(FaultKind.STATE, list(travels.differing(ours, travels_of(motions)))),
+        *check_temperatures(text, source, line, there, own_tool=taken is not None),
     ]
 
 
@@ -227,7 +247,6 @@ def _check_stands(dwells: Sequence[Dwell], motions: Motions, matched: Matched) -
 
 
 def _dwells(text: bytes) -> Iterator[Dwell]:
-    """Yield each dwell of a text."""
     at, n = 0, 1
     for dwell in DWELL.finditer(text):
         n += text.count(b"\n", at, dwell.start())

@@ -1,19 +1,11 @@
 """Which changes of tools of a source need not happen, where each head has one tool.
 
-Found from the source's text, line by line: how hot each tool is told to be where each contour is
-printed, and what else the lines of a change command. A change may be left out where
-
-- it commands nothing but choices of tools, temperatures of hot ends, moves, retractions, how E is
-  counted meanwhile, and what holds from bead to bead, which is compared bead by bead;
-- each tool is told to be as hot at its next contour as it was at its last;
-- no bead of a wipe tower stands beside it;
-- the tool that comes is left with at most `MOST_MM` of filament pushed, or pulled, in all.
-
-Lines of temperatures alone may be left out likewise. The filament of changes is the ledger's
-(`sim.heads.ledger`). What the source does with a tool at them is its practice, for heads that stand
-idle (`sim.heads.idle`): how far it is pulled back at least, how hot it is left at most, and what is
-pushed beyond what was pulled, alike at each change to it. How hot a head is where it prints is
-looked at in its file.
+Found from the source's text, line by line, by the rules of docs/gcode.md (*Changes of tools, where
+each head has its own*); what holds from bead to bead is compared bead by bead. The filament of
+changes is the ledger's (`sim.heads.ledger`). What the source does with a tool at them is its
+practice, for heads that stand idle (`sim.heads.idle`): how far it is pulled back at least, how hot
+it is left at most, and what is pushed beyond what was pulled, alike at each change to it. How hot a
+head is where it prints is looked at in its file.
 """
 
 from __future__ import annotations
@@ -83,15 +75,12 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> SourcePrint | Non
         return None
     tools = _tools_of(source_text(document), job, every=heat_due(document, job).one_hot_end)
     since = gaps_of_tools(document.moves, job.contours.tool)
-    first = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
-    goes = [
-        abs(since.get(c, NO_GAP).net) <= MOST_MM and _may_go(block, tools)
-        for c, block in zip(first.tolist(), document.blocks, strict=True)
-    ]
-    gone = [block for block, leaves in zip(document.blocks, goes, strict=True) if leaves]
+    gone, kept = list[Block](), list[Block]()
+    for block in document.blocks:
+        little = abs(since.get(behind(block, job), NO_GAP).net) <= MOST_MM
+        (gone if little and _may_go(block, tools) else kept).append(block)
     if not any(block.begin.tool != block.end.tool for block in gone):
         return None
-    kept = [block for block, leaves in zip(document.blocks, goes, strict=True) if not leaves]
     return _unwalled(job, document, gone, kept, since, tools)
 
 
@@ -109,14 +98,13 @@ def _unwalled(
     starts = tuple(_starts(job, document, behind))
     refills = set(job.refills) - {block.epoch for block in gone}
     taken = {c for c in behind if job.contours.tool[c] != job.contours.tool[c - 1]}
-    primes = _primes_of(job, since, taken)
+    primes, deep = _primed_and_pulled(job, since, taken)
     owed = document.owed.copy()
     for c in behind:
         more = primes.get(int(job.contours.tool[c]), 0.0) if c in taken and c in since else 0.0
         owed[c] = more - since.get(c, NO_GAP).net
     apart = heat_due(document, job).one_hot_end
     standbys = {} if apart else _standbys(gone, tools)
-    deep = _pulled_back(job, since, taken)
     practices = {
         tool: Practice(
             round(deep.get(tool, 0.0), 5), round(primes.get(tool, 0.0), 5), standbys.get(tool)
@@ -140,20 +128,15 @@ def as_planned(
     each head has one tool. Where the plan's epochs are neither it is the source as it stands, from
     which they then differ.
     """
-    as_it_stands = np.array_equal(epochs, job.contours.epoch)
-    if as_it_stands and not _one_tool_each(machine, job):
+    tools = set(job.contours.tool.tolist())
+    kept = [tools & set(head.tools) if head.tools else tools for head in machine.heads]
+    one_tool_each = len(tools) > 1 and max(map(len, kept)) <= 1
+    if not one_tool_each and np.array_equal(epochs, job.contours.epoch):
         return job, document
     found = without_changes(job, document)
     if found is not None and np.array_equal(epochs, found[0].contours.epoch):
         return found
     return job, document
-
-
-def _one_tool_each(machine: Machine, job: PrintJob) -> bool:
-    """Tell whether each head of a machine has one of a print's several tools at most."""
-    tools = set(job.contours.tool.tolist())
-    kept = [tools & set(head.tools) if head.tools else tools for head in machine.heads]
-    return len(tools) > 1 and max(map(len, kept)) <= 1
 
 
 def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:
@@ -211,21 +194,25 @@ def _starts(
         yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
 
-def _primes_of(
+def _primed_and_pulled(
     job: PrintJob, since: Mapping[int, FilamentBalance], taken: set[int]
-) -> dict[int, float]:
-    """Return what is pushed beyond what was pulled at every change to a tool alike, mm.
+) -> tuple[dict[int, float], dict[int, float]]:
+    """Return what primes each tool, and how far it is pulled back at least, mm of filament.
 
-    `taken` are the contours before which tools change.
+    It is primed by what is pushed beyond what was pulled at every change to it alike. `taken` are
+    the contours before which tools change.
     """
-    pushed: dict[int, list[float]] = {}
+    of_tool: dict[int, list[FilamentBalance]] = {}
     for c in taken & since.keys():
-        pushed.setdefault(int(job.contours.tool[c]), []).append(since[c].net)
-    return {
-        tool: median(each)
-        for tool, each in pushed.items()
-        if min(each) > PRIMES_MM and max(each) - min(each) <= ALIKE_MM
-    }
+        of_tool.setdefault(int(job.contours.tool[c]), []).append(since[c])
+    primes, deep = dict[int, float](), dict[int, float]()
+    for tool, changes in of_tool.items():
+        pushed, pulled = zip(*changes, strict=True)
+        if min(pushed) > PRIMES_MM and max(pushed) - min(pushed) <= ALIKE_MM:
+            primes[tool] = median(pushed)
+        if PRIMES_MM < min(pulled) <= UNLOADS_MM:
+            deep[tool] = min(pulled)
+    return primes, deep
 
 
 def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, float]:
@@ -240,17 +227,6 @@ def _standbys(gone: Sequence[Block], tools: Mapping[int, _Tool]) -> dict[int, fl
         if first < last and 0.0 < (left := rows[last - 1][1]) < np.inf:
             found[tool] = max(found.get(tool, 0.0), left)
     return found
-
-
-def _pulled_back(
-    job: PrintJob, since: Mapping[int, FilamentBalance], taken: set[int]
-) -> dict[int, float]:
-    """Return how far each tool is pulled back at least, mm, before the contours `taken`."""
-    least: dict[int, float] = {}
-    for c in taken & since.keys():
-        tool = int(job.contours.tool[c])
-        least[tool] = min(least.get(tool, np.inf), since[c].pulled)
-    return {tool: deep for tool, deep in least.items() if PRIMES_MM < deep <= UNLOADS_MM}
 
 
 def belongs_to_bead(block: Block) -> bool:
@@ -300,12 +276,7 @@ def check_hot_ends(
 ) -> list[Fault]:  # fmt: skip
     """Check that each bead of heads' files is laid with its hot end told what the source tells it.
 
-    Parameters
-    ----------
-    heads
-        Each head's file, with the beads in it.
-    source : bytes
-        The source's text.
+    `heads` has each file with the beads in it, `source` is the source's text.
     """
     tools = _tools_of(source, job, every=heat_due(document, job).one_hot_end)
     words = list[str]()

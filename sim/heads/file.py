@@ -1,10 +1,6 @@
 """The file of one head of several as the judge reads it: commands, moves, sync points.
 
 Only reading; what the files must do together is judged in `sim.heads.together`.
-
-What a head's file lays down, against the contours of the source.
-
-What is in force at a line of a head's file, against what is due there in the source.
 """
 
 from __future__ import annotations
@@ -20,19 +16,20 @@ from typing import NamedTuple
 from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.dialects.dialect import OF_TOOL
-from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
+from decmcts.formats.gcode.document import StateTable
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.machine import USUAL_WORDS, SyncWords
-from sim.files.commands import codes_of, no_moves
+from sim.files.commands import PLAIN_MOVE, codes_of, not_plain
 from sim.files.settings import settings_of
+from sim.files.written import states_in_force
 from sim.heads.heat import SELECTS, heat_of
 from sim.heads.sync import Reader, Sync
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 _CUT = re.compile(rb"^; \d+ contours are cut at \d+ places", re.M)
 _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
-_AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
+AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)  # homing is none
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _FILAMENT = re.compile(rb"G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
@@ -86,9 +83,17 @@ class HeadFile:
     rests: FileWaits
     numbered: int | None  # the first line that has a line number, from 1; numbers are not read
 
-    def row(self, line: int) -> bytes:
-        """Return a line (from 1) as it stands."""
-        return self.lines.raw(line - 1)
+
+@dataclass(frozen=True, slots=True)
+class FileParts:
+    """The parts of one head's file, by line from 1."""
+
+    first: int  # first command
+    parked: int  # the head has reached its park position
+    end_code: int  # the first line of the end code; below all lines where it has none
+    begin: int  # first move of the body
+    end: int  # past its last move
+    blocks: tuple[tuple[int, ...], ...] = ()  # lines of each block, none where it has no command
 
 
 def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile:
@@ -138,7 +143,7 @@ def _parted(
     syncs, taken = list[Sync](), list[int]()
     codes = lines.text.replace(b"\r\n", b"\n").split(b"\n")
     may_be = any(move.startswith(begin[:3]) for begin in reader.begins for move in _MOVES)
-    looked_at = list(range(len(codes))) if may_be else no_moves(lines.text)
+    looked_at = list(range(len(codes))) if may_be else not_plain(lines.text, PLAIN_MOVE)
     for k in looked_at:
         codes[k] = command_of(codes[k])
     for k in looked_at:
@@ -154,11 +159,6 @@ def _parted(
         codes[k] = b""
     rest = tuple((k, code) for k, code in enumerate(codes, 1) if code)
     return tuple(syncs), rest, tuple((k + 1, codes[k]) for k in looked_at if codes[k])
-
-
-def axis_moves(file: HeadFile) -> list[int]:
-    """Return the lines (from 1) that move along an axis; homing is none."""
-    return [line for line, code in file.rest if _AXIS_MOVE.match(code)]
 
 
 def own_commands(
@@ -193,7 +193,7 @@ def own_commands(
         others = None not in (selected, tool) and selected != tool
         if SELECTS.match(name):
             selected = None if selected is None else int(name[1:])
-        elif _AXIS_MOVE.match(code) or (not homes and name in (b"G28", b"G29")):
+        elif AXIS_MOVE.match(code) or (not homes and name in (b"G28", b"G29")):
             kept += _e_set(code, relative_e)
         elif (own := _for_tool(code, tool)) is None:
             continue
@@ -266,28 +266,21 @@ class ContourMoves(NamedTuple):
 Settings = frozenset[tuple[str, str]]  # what is set, and to what
 
 
-def differing(
-    ours: StateTable, row: int, theirs: StateTable, due: int, kept: Settings
-) -> list[str]:
-    """Return in words how a state in force differs from the state that is due.
-
-    `kept` are settings of tools that may be in force as well (`kept_settings`).
-    """
-    return words_of(in_force(ours, row), in_force(theirs, due), kept)
-
-
 def kept_settings(table: StateTable, row: int) -> Settings:
     """Return the settings of tools in a state, one by one.
 
     Where the source chooses another tool, nothing is known of that tool's until it is set. A
     head's file chooses none: what its start code, the source's own, has set stays in force.
     """
-    texts = (text for slot, text in in_force(table, row) if slot in OF_TOOL)
+    texts = (text for slot, text in states_in_force(table, row) if slot in OF_TOOL)
     return frozenset(setting for text in texts for setting in _each_setting(text))
 
 
 def words_of(has: set[tuple[str, str]], wanted: set[tuple[str, str]], kept: Settings) -> list[str]:
-    """Return in words what is in force and what should be."""
+    """Return in words how what is in force differs from what should be.
+
+    `kept` are settings of tools that may be in force as well (`kept_settings`).
+    """
     ours, due = dict(has - wanted), dict(wanted - has)
     for slot in OF_TOOL & ours.keys() & due.keys():
         mine, theirs = _each_setting(ours[slot]), _each_setting(due[slot])
@@ -301,13 +294,3 @@ def _each_setting(text: str) -> Settings:
     """Return what commands set, and to what, one by one."""
     found = settings_of(text.encode("utf-8", "surrogateescape"))
     return frozenset((name, lines[-1][1]) for name, lines in found.items())
-
-
-def in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
-    """Return name and text of the states that command something and are not set by blocks alone."""
-    pairs = zip(table.slots, table.rows[row].tolist(), strict=True)
-    return {
-        (slot, table.values[v])
-        for slot, v in pairs
-        if v and slot not in DESCRIBES and not slot.startswith(SILENT)
-    }

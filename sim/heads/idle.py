@@ -1,16 +1,11 @@
 """What heads do where they stand idle: pulled back further, cooled to standby, heated again.
 
-The head of a plan stands idle where, by the plan's times, its next action begins long after the
-one before has ended, or is a long rest; a bead of it must follow, and none of the source's own
-lines stand in between. There its filament is pulled back as far as the source does at changes of
-tools, or the machine says.
-
-Anywhere between two actions it may be told another temperature, in these lines and no others: M400,
-M104 to standby, a dwell, M104 back, what it waits for, M109. Nothing moves in between. When and for
-how long is not looked at: that costs time alone. One that stays hot instead is no fault.
-
-Files without their plan tell no times, so how far is pulled back is not looked at then. How hot a
-head may be where it prints is compared elsewhere, bead by bead (`sim.heads.changes`).
+docs/gcode.md (*Where a head stands idle*) says where and how. By the plan's times a head's next
+action begins long after the one before has ended, or is a long rest; a bead of it must follow, and
+none of the source's own lines stand in between. Between two actions it may be told another
+temperature, in these lines and no others: M400, M104 to standby, a dwell, M104 back, what it waits
+for, M109. Files without their plan tell no times, so how far is pulled back is not looked at then.
+How hot a head may be where it prints is compared bead by bead (`sim.heads.changes`).
 """
 
 from __future__ import annotations
@@ -64,8 +59,9 @@ class Idling:
         stands = frozenset(_idle_stands(actions, job, idle.after_s))
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
         pulled = actions.contour[prints[np.searchsorted(prints, sorted(stands))]]
-        primed = _idle_before(actions, idle.after_s)
-        return cls(practice, stands, frozenset(pulled.tolist()), primed)
+        ends = np.concatenate([[0.0], actions.end_s[prints]])[:-1]  # since when it lays none
+        primed = actions.contour[prints[actions.begin_s[prints] - ends >= idle.after_s]]
+        return cls(practice, stands, frozenset(pulled.tolist()), frozenset(primed.tolist()))
 
 
 def _idle_stands(actions: HeadActions, job: PrintJob, after_s: float) -> Iterator[int]:
@@ -83,17 +79,6 @@ def _idle_stands(actions: HeadActions, job: PrintJob, after_s: float) -> Iterato
             if (epoch := int(epochs[contour[k]])) == now:
                 yield from held
             held, now = [], epoch
-
-
-def _idle_before(actions: HeadActions, after_s: float) -> frozenset[int]:
-    """Return the contours before which a head has laid nothing for so long, by its plan's times.
-
-    Before its first one it has laid nothing since the heads begin.
-    """
-    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    ends = np.concatenate([[0.0], actions.end_s[rows[:-1]]]) if len(rows) else np.empty(0)
-    idle = np.asarray(actions.begin_s)[rows] - ends >= after_s
-    return frozenset(actions.contour[rows[idle]].tolist())
 
 
 class StandbyLines(NamedTuple):

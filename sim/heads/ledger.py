@@ -1,17 +1,10 @@
 """The judge's book of filament over the files of several heads.
 
-The source is the measure, as in `sim.files.ledger`. A bead takes with it what the source's moves
-push less what they pull in the gap before it (its *net*), whichever head prints it. So all heads'
-files together give with each tool what the source gives, and a bead begins with as much retracted.
-
-Around lines of the source that stand word for word (blocks):
-
-- What a block holds, and what is pushed and pulled beside it, belongs to the contour behind it: the
-  head that prints that contour has it, no other.
-- Where tools change in a block, or a pause or an unknown command may move filament, each head that
-  has its lines has what belongs to them too: each does so with filament of its own.
-- Likewise the start code: each head begins with as much retracted as its lines leave, and makes up
-  for as much more, or less, as the source does.
+The source is the measure, as in `sim.files.ledger`; docs/gcode.md has the rules (*Files of several
+heads*). A bead takes with it what the source's moves push less what they pull in the gap before it
+(its *net*), whichever head prints it. What stands beside lines of the source that are kept word for
+word (blocks) belongs to the contour behind them, or, where a block may move filament unseen, to
+each head that has its lines. Each head begins with as much retracted as the start code leaves.
 
 How much is retracted is counted here, from the moves of the files and of the source.
 """
@@ -30,6 +23,7 @@ from decmcts.print.job import PrintJob
 from sim.arrays import Floats, Ints
 from sim.content.pieces import beginnings
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.extent import tools_of
 from sim.files.ledger import (
     MORE_MM,
     NET_MM,
@@ -37,7 +31,6 @@ from sim.files.ledger import (
     Book,
     in_words,
     lines_in_source,
-    tools_of,
     ways_of,
 )
 from sim.files.unretracted import Spans, Ways, farther_unretracted
@@ -58,12 +51,10 @@ class Dues:
     extrusion: Floats  # (n,) of each contour or piece
     above: Floats  # (b,) pushed less pulled above each block since the bead before; NaN: unknown
     left: Floats  # (b,) pushed behind each block beyond what is retracted there
-    start: float  # likewise behind the start code
-    start_tool: int
     usual: dict[int, float]  # most that each tool retracts from bead to bead while it is in use
     beside: Floats  # (b,) most that is retracted above each block, or behind it
     shared: bool  # several tools print
-    starts: dict[int, float]  # as `start`, of tools whose first change is left out
+    starts: dict[int, float]  # likewise, by tool, behind the start code or a change left out
     ways: Ways  # from contour to contour
 
 
@@ -86,9 +77,7 @@ def dues_of(job: PrintJob, document: GcodeDocument) -> Dues:
         if stands < 0:
             net[c] = book.before.net[k]
             continue
-        last = spans[stands]
-        assert last is not None
-        at = int(np.searchsorted(line, last[1] + 1))
+        at = int(np.searchsorted(line, spans[stands][1] + 1))
         pushed = float(book.before.net[k] - owed[tools[book.bead[k]]][at])
         if stands == 0:
             start = pushed
@@ -104,15 +93,13 @@ def dues_of(job: PrintJob, document: GcodeDocument) -> Dues:
     given = np.asarray(np.bincount(contour[laid], extrusion[laid], n), np.float64)
     number = job.contours.tool[begins].astype(np.int64)
     shared = len(np.unique(job.contours.tool)) > 1
-    starts = {}
+    starts = dict[int, float]()
     if document.own_starts:
         primes = {tool: practice.prime_mm for tool, practice in job.practices}
         starts = _without_changes(source, number, document, owed, net, book, primes)
+    starts[document.start.tool if shared else int(number[0])] = start
     net, given = _of_pieces(job.contours, begins, net, given)
-    return Dues(
-        net, given, above, left, start, document.start.tool, usual, beside, shared, starts,
-        ways_of(book, source),
-    )  # fmt: skip
+    return Dues(net, given, above, left, usual, beside, shared, starts, ways_of(book, source))
 
 
 def _without_changes(
@@ -192,10 +179,7 @@ class _Account:
         self.total: list[float] = total.tolist()  # given before each move, and by all
         self.parked = float(_owed(self.motion.extrusion[: self.part.begin])[-1])
         self.retracted = self.parked
-        if self._mine(dues.start_tool):
-            self.retracted += dues.start
-        elif self.tool in dues.starts:
-            self.retracted += dues.starts[self.tool]
+        self.retracted += dues.starts.get(self.tool, 0.0)
         self.parked = max(self.parked, self.retracted)  # or as the source left its tool before
         self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
         self.at = self.part.begin  # the move behind the last bead, or the source's own lines
@@ -243,7 +227,11 @@ class _Account:
         pulled = self.idling.pulled is None or bead.contour in self.idling.pulled
         deep = self.idling.practice.retract_mm if pulled else 0.0
         net = self._stretch(bead.begin, f"bead of contour {bead.contour}", deep)
-        due += self._prime(bead, net - due)
+        prime = 0.0 if self.changed else self.idling.practice.prime_mm
+        if self.idling.primed is None:  # files tell no times
+            due += prime if abs(net - due - prime) <= NET_MM else 0.0
+        elif bead.contour in self.idling.primed:
+            due += prime
         if abs(net - due) > NET_MM:
             self.texts.append(
                 f"line {self._line(bead.begin)} begins contour {bead.contour} with "
@@ -273,13 +261,6 @@ class _Account:
         )  # fmt: skip
         found = farther_unretracted(ways, theirs, parted=True).items()
         return [f"above line {self._line(int(end[k]))} {text}" for k, text in found]
-
-    def _prime(self, bead: ContourMoves, more: float) -> float:
-        """Return what is due to prime a head that has stood idle, mm; `more` is pushed beyond."""
-        prime = 0.0 if self.changed else self.idling.practice.prime_mm
-        if self.idling.primed is None:  # files tell no times
-            return prime if abs(more - prime) <= NET_MM else 0.0
-        return prime if bead.contour in self.idling.primed else 0.0
 
     def _cross(self, number: int, block: Block, lines: Sequence[int], mine: bool) -> None:
         """Check the stretch above a block's lines, and take over what they do."""

@@ -14,37 +14,23 @@ what they dwell. A wait takes as long as it takes, at least none.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from decmcts.print.machine import Release
-from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
+from decmcts.print.plan import ACTION_END, ActionKind, After, JointPlan
 from sim.arrays import Floats
 from sim.faults import Fault, FaultKind, listed
-from sim.heads.file import FileWaits, HeadFile
+from sim.heads.file import HeadFile
+from sim.heads.one_file import Walked
 from sim.heads.sync import Knowledge, Sync
-from sim.heads.walk import Walk
 
 ROUNDING_S = 1e-4
 SPARE, SPARE_S = 0.1, 0.01  # by which a writer may put signals further apart
 LAG_TOLERANCE_S = 1e-3  # files say milliseconds
-SyncWindow = tuple[list[int], list[int]]  # lines between which the sync points of actions stand
-
-
-@dataclass(frozen=True, slots=True)
-class FileParts:
-    """The parts of one head's file, by line from 1."""
-
-    first: int  # first command
-    parked: int  # the head has reached its park position
-    end_code: int  # the first line of the end code; below all lines where it has none
-    begin: int  # first move of the body
-    end: int  # past its last move
-    blocks: tuple[tuple[int, ...], ...] = ()  # lines of each block, none where it has no command
 
 
 def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) -> list[Fault]:
@@ -65,8 +51,8 @@ def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) ->
 
 
 def check_order(
-    files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[FileParts],
-    walks: list[Walk], intervals: Intervals, *, read: bool = False,
+    walked: Sequence[Walked], plan: JointPlan, known: Knowledge, intervals: Intervals, *,
+    read: bool = False,
 ) -> list[Fault]:  # fmt: skip
     """Check that the files order what the plan orders, and keep set-up first and end code last.
 
@@ -75,206 +61,179 @@ def check_order(
     its point where another is nearer than `intervals` allow. Each edge, wait and dwell costs
     O(log n), whatever else the files hold.
     """
-    lines = []
-    heads = range(len(files))
-    firsts = [next((line for line in walks[h].first if line > 0), parts[h].end_code) for h in heads]
-    lasts = [max(walks[h].last, default=parts[h].parked) for h in heads]
-    windows = [
-        ([part.parked, *walk.last], walk.ahead(part.end_code))
-        for part, walk in zip(parts, walks, strict=True)
-    ]
-    given = {s.number: (g, s) for g, file in enumerate(files) for s in file.syncs if s.signal}
-    for h in heads:
-        name = plan.heads[h].head
-        for g in heads:
-            if g == h:
-                continue
-            other = plan.heads[g].head
-            if g < h and known.done(h, parts[h].first, g) <= parts[g].parked:
-                lines.append(f"head {name} sets up before head {other} is parked")
-            if known.done(h, firsts[h], g) <= parts[g].parked:
-                lines.append(f"head {name} begins before head {other} is parked")
-            if known.done(h, parts[h].end_code, g) <= lasts[g]:
-                lines.append(f"head {name} ends before head {other} has printed all it has to")
-            if g == h - 1 and known.done(h, parts[h].end_code, g) < _last_end(files[g], parts[g]):
-                lines.append(f"the end codes of heads {other} and {name} may run at once")
-        lines += _in_motion(files[h], given, firsts, lasts, h, name)
-        begins = walks[h].ahead(0)
-        lines += _unkept(files[h].rests, begins, plan, known, walks, h)
-        lines += _unrested(files[h].rests, begins, plan, known, walks, h)
-        lines += _stops(files[h], plan.heads[h], walks[h])
+    order, lines = _Order(walked, plan, known, intervals), list[str]()
+    for h in range(len(walked)):
+        lines += [
+            *order.ends_too_soon(h), *order.in_motion(h), *order.unkept(h), *order.unrested(h),
+            *order.stops(h),
+        ]  # fmt: skip
         if not read:
-            lines += _unplanned(files, plan, parts, walks, h, given, windows, firsts, intervals)
+            lines += order.unplanned(h)
     return listed(FaultKind.PRECEDENCE, lines)
 
 
-def _in_motion(
-    file: HeadFile, given: Mapping[int, tuple[int, Sync]], firsts: list[int], lasts: list[int],
-    h: int, name: str,
-) -> list[str]:  # fmt: skip
-    """Return the signals of one head's set-up, and those its end waits for, that are in motion.
+class _Order:
+    """The files of all heads and what they order; says of head h what is wrong, line by line."""
 
-    What has been set up or switched off is no move, so it may come later than the last one.
-    """
-    early = [s.line for s in file.syncs if s.moving and s.line < firsts[h]]
-    behind = [s for s in file.syncs if not s.signal and s.line > lasts[h]]
-    late = [s for s in behind if given[s.number][1].moving]
-    return [f"head {name} line {line} signals its set-up, and not at rest" for line in early] + [
-        f"head {name} line {s.line} waits behind its print for a signal not given at rest"
-        for s in late
-    ]
+    def __init__(
+        self, walked: Sequence[Walked], plan: JointPlan, known: Knowledge, intervals: Intervals
+    ) -> None:
+        self.heads, self.known, self.intervals = plan.heads, known, intervals
+        self.names = [actions.head for actions in plan.heads]
+        self.files = [each.file for each in walked]
+        self.parts, self.walks = [each.part for each in walked], [each.walk for each in walked]
+        pairs = list(zip(self.parts, self.walks, strict=True))
+        self.firsts = [
+            next((line for line in walk.first if line > 0), part.end_code) for part, walk in pairs
+        ]
+        self.lasts = [max(walk.last, default=part.parked) for part, walk in pairs]
+        # of each head the lines between which the sync points of its actions stand
+        self.windows = [
+            ([part.parked, *walk.last], walk.ahead(part.end_code)) for part, walk in pairs
+        ]
+        self.begins = [walk.ahead(0) for walk in self.walks]
+        self.given = {  # the signal of each number, with its head
+            sync.number: (g, sync)
+            for g, file in enumerate(self.files)
+            for sync in file.syncs
+            if sync.signal
+        }
 
-
-def _last_end(file: HeadFile, part: FileParts) -> int:
-    """Return the last line of a head's end code; 0 where it has none."""
-    return file.rest[-1][0] if file.rest and part.end_code <= len(file.lines) else 0
-
-
-def _unkept(
-    rests: FileWaits,
-    begins: list[int],
-    plan: JointPlan,
-    known: Knowledge,
-    walks: list[Walk],
-    h: int,
-) -> list[str]:
-    """Return the edges into one head that its waits, or the dwells behind them, do not keep."""
-    actions, lines = plan.heads[h], []
-    beyond = walks[h].last[-1] if walks[h].last else 0
-    for k in np.flatnonzero(np.diff(actions.after_offsets)).tolist():
-        first = begins[k] or beyond + 1
-        for edge in actions.after_edges(k):
-            g, reached = edge.head, _reached(walks[edge.head], edge)
+    def ends_too_soon(self, h: int) -> Iterator[str]:
+        """Yield whose set-up or print is not over where this head's set-up, print or end begins."""
+        part, name = self.parts[h], self.names[h]
+        for g, other in enumerate(self.names):
             if g == h:
                 continue
-            what = f"action {edge.action} of head {plan.heads[g].head}"
-            if edge.point != ACTION_END:
-                what = f"point {edge.point} of {what}"
-            if known.done(h, first, g) <= reached:
-                lines.append(f"head {actions.head} action {k} does not wait for {what}")
-            elif edge.lag_s > _dwelt(rests, known, h, g, reached, first) + LAG_TOLERANCE_S:
-                lines.append(
-                    f"head {actions.head} action {k} does not dwell for {edge.lag_s:g} s "
-                    f"after {what}"
+            parked = self.parts[g].parked
+            if g < h and self.known.done(h, part.first, g) <= parked:
+                yield f"head {name} sets up before head {other} is parked"
+            if self.known.done(h, self.firsts[h], g) <= parked:
+                yield f"head {name} begins before head {other} is parked"
+            done = self.known.done(h, part.end_code, g)
+            if done <= self.lasts[g]:
+                yield f"head {name} ends before head {other} has printed all it has to"
+            file = self.files[g]
+            has_end = file.rest and self.parts[g].end_code <= len(file.lines)
+            if g == h - 1 and has_end and done < file.rest[-1][0]:
+                yield f"the end codes of heads {other} and {name} may run at once"
+
+    def in_motion(self, h: int) -> Iterator[str]:
+        """Yield the signals of one head's set-up, and those its end waits for, that are in motion.
+
+        What has been set up or switched off is no move, so it may come later than the last one.
+        """
+        syncs, name = self.files[h].syncs, self.names[h]
+        for sync in syncs:
+            if sync.moving and sync.line < self.firsts[h]:
+                yield f"head {name} line {sync.line} signals its set-up, and not at rest"
+        for sync in syncs:
+            behind = not sync.signal and sync.line > self.lasts[h]
+            if behind and self.given[sync.number][1].moving:
+                yield (
+                    f"head {name} line {sync.line} waits behind its print for a signal not given "
+                    "at rest"
                 )
-    return lines
 
+    def unkept(self, h: int) -> Iterator[str]:
+        """Yield the edges into one head that its waits, or the dwells behind them, do not keep."""
+        actions, walk = self.heads[h], self.walks[h]
+        beyond = walk.last[-1] if walk.last else 0
+        for k in np.flatnonzero(np.diff(actions.after_offsets)).tolist():
+            first = self.begins[h][k] or beyond + 1
+            for edge in actions.after_edges(k):
+                if edge.head == h:
+                    continue
+                what = f"action {edge.action} of head {self.names[edge.head]}"
+                if edge.point != ACTION_END:
+                    what = f"point {edge.point} of {what}"
+                if self.known.done(h, first, edge.head) <= self._reached(edge):
+                    yield f"head {actions.head} action {k} does not wait for {what}"
+                elif edge.lag_s > self._dwelt(h, edge, first) + LAG_TOLERANCE_S:
+                    yield (
+                        f"head {actions.head} action {k} does not dwell for {edge.lag_s:g} s "
+                        f"after {what}"
+                    )
 
-def _reached(walk: Walk, edge: After) -> int:
-    """Return the line of the move that ends at the point an edge waits for."""
-    return (
-        walk.last[edge.action]
-        if edge.point == ACTION_END
-        else walk.reached[edge.action][edge.point]
-    )
+    def _reached(self, edge: After) -> int:
+        """Return the line of the move that ends at the point an edge waits for."""
+        walk = self.walks[edge.head]
+        at_end = edge.point == ACTION_END
+        return walk.last[edge.action] if at_end else walk.reached[edge.action][edge.point]
 
+    def _dwelt(self, h: int, edge: After, first: int) -> float:
+        """Return the seconds head h dwells above line `first` since it knows an edge is kept.
 
-def _dwelt(rests: FileWaits, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
-    """Return the seconds head h dwells between knowing that g has `reached` a line and `first`.
+        What a head knows never grows less, so the wait behind which it knows is found by bisection.
+        """
+        rests, reached = self.files[h].rests, self._reached(edge)
+        row = bisect_right(
+            rests.waits, reached, key=lambda line: self.known.done(h, line + 1, edge.head)
+        )
+        wait = rests.waits[row] if row < len(rests.waits) else first
+        return rests.between_s(wait, first)
 
-    What a head knows never grows less, so the wait behind which it knows is found by bisection.
-    """
-    row = bisect_right(rests.waits, reached, key=lambda at: known.done(h, at + 1, g))
-    wait = rests.waits[row] if row < len(rests.waits) else first
-    return rests.between_s(wait, first)
+    def unrested(self, h: int) -> Iterator[str]:
+        """Yield the waits of one head for which its file does not dwell as long as planned."""
+        actions, walk = self.heads[h], self.walks[h]
+        for k in np.flatnonzero(actions.kind == ActionKind.WAIT).tolist():
+            first = self.begins[h][k] or walk.last[k] + 1
+            edges = [edge for edge in actions.after_edges(k) if edge.head != h]
+            due = float(actions.end_s[k] - actions.begin_s[k])
+            due += max((edge.lag_s for edge in edges), default=0.0)
+            dwelt = [self._dwelt(h, edge, first) for edge in edges]
+            dwelt.append(self.files[h].rests.between_s(walk.last[k], first))
+            if min(dwelt) < due - LAG_TOLERANCE_S:
+                yield (
+                    f"head {actions.head} dwells {min(dwelt):.1f} s for action {k}, planned "
+                    f"{due:.1f} s"
+                )
 
+    def stops(self, h: int) -> Iterator[str]:
+        """Yield the lines that make a head stand still within an action."""
+        file, walk = self.files[h], self.walks[h]
+        for line in file.rests.dwells + [sync.line for sync in file.syncs if not sync.moving]:
+            k = bisect_right(walk.last, line)
+            if k < len(walk.first) and 0 < walk.first[k] < line:
+                yield f"head {self.names[h]} line {line} stops the head within action {k}"
 
-def _unrested(
-    rests: FileWaits,
-    begins: list[int],
-    plan: JointPlan,
-    known: Knowledge,
-    walks: list[Walk],
-    h: int,
-) -> list[str]:
-    """Return the waits of one head for which its file does not dwell as long as planned."""
-    actions, walk, lines = plan.heads[h], walks[h], []
-    for k in np.flatnonzero(actions.kind == ActionKind.WAIT).tolist():
-        first = begins[k] or walk.last[k] + 1
-        edges = [edge for edge in actions.after_edges(k) if edge.head != h]
-        due = float(actions.end_s[k] - actions.begin_s[k])
-        due += max((edge.lag_s for edge in edges), default=0.0)
-        dwelt = [
-            _dwelt(rests, known, h, edge.head, _reached(walks[edge.head], edge), first)
-            for edge in edges
-        ]
-        dwelt.append(rests.between_s(walk.last[k], first))
-        if min(dwelt) < due - LAG_TOLERANCE_S:
-            lines.append(
-                f"head {actions.head} dwells {min(dwelt):.1f} s for action {k}, planned {due:.1f} s"
-            )
-    return lines
-
-
-def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
-    """Return the lines that make a head stand still within an action."""
-    lines = file.rests.dwells + [sync.line for sync in file.syncs if not sync.moving]
-    return [
-        f"head {actions.head} line {line} stops the head within action {k}"
-        for line in lines
-        for k in [bisect_right(walk.last, line)]
-        if k < len(walk.first) and 0 < walk.first[k] < line
-    ]
-
-
-def _unplanned(
-    files: Sequence[HeadFile], plan: JointPlan, parts: list[FileParts], walks: list[Walk], h: int,
-    given: Mapping[int, tuple[int, Sync]], windows: list[SyncWindow], firsts: list[int],
-    intervals: Intervals,
-) -> list[str]:  # fmt: skip
-    """Return the waits of one head's body that stand for no edge of the plan.
-
-    `given` has the signal of each number with its head, `firsts` where each head's moves begin.
-    """
-    low, high = windows[h]
-    lines, ends = [], max(walks[h].last, default=0)
-    for sync in files[h].syncs:
-        if sync.signal or not parts[h].parked < sync.line < ends:
-            continue
-        g, signal = given[sync.number]
-        line = signal.line
-        other_low, other_high = windows[g]
-        actions = range(bisect_right(high, sync.line), bisect_left(low, sync.line))
-        ended = range(bisect_right(other_high, line) - 1, bisect_left(other_low, line) - 1)
-        signalled = {(a, ACTION_END) for a in ended}
-        signalled |= _passed(walks[g], line) if signal.moving else set()
-        edges = [e for k in actions for e in plan.heads[h].after_edges(k) if e.head == g]
-        meant = {(e.action, ACTION_END if _is_end(plan, e) else e.point) for e in edges}
-        if (signal.moving or line >= firsts[g]) and not signalled & meant:
-            acts = {action for action, _ in signalled}
-            places = [_reached(walks[g], edge) for edge in edges if edge.action in acts]
-            if any(intervals.excuse(g, place, line) for place in places):
+    def unplanned(self, h: int) -> Iterator[str]:
+        """Yield the waits of one head's body that stand for no edge of the plan."""
+        low, high = self.windows[h]
+        ends = max(self.walks[h].last, default=0)
+        for sync in self.files[h].syncs:
+            if sync.signal or not self.parts[h].parked < sync.line < ends:
                 continue
-            lines.append(f"head {plan.heads[h].head} line {sync.line} waits where no plan does")
-    return lines
+            g, signal = self.given[sync.number]
+            if not signal.moving and signal.line < self.firsts[g]:
+                continue
+            actions = range(bisect_right(high, sync.line), bisect_left(low, sync.line))
+            edges = [e for k in actions for e in self.heads[h].after_edges(k) if e.head == g]
+            meant = {(e.action, ACTION_END if self._is_end(e) else e.point) for e in edges}
+            signalled = self._signalled(g, signal)
+            if signalled & meant:
+                continue
+            acts = {action for action, _ in signalled}
+            places = [self._reached(edge) for edge in edges if edge.action in acts]
+            if not any(self.intervals.excuse(g, place, signal.line) for place in places):
+                yield f"head {self.names[h]} line {sync.line} waits where no plan does"
 
+    def _signalled(self, g: int, signal: Sync) -> set[tuple[int, int]]:
+        """Return which ends of actions, or points within one, a signal of head g may stand for."""
+        (low, high), line = self.windows[g], signal.line
+        ended = range(bisect_right(high, line) - 1, bisect_left(low, line) - 1)
+        signalled, walk = {(action, ACTION_END) for action in ended}, self.walks[g]
+        k = bisect_right(walk.last, line)
+        if signal.moving and k < len(walk.reached):
+            latest = max((at for at in walk.reached[k][1:] if at < line), default=0)
+            points = enumerate(walk.reached[k])
+            signalled |= {(k, point) for point, at in points if point and at == latest}
+        return signalled
 
-def _passed(walk: Walk, line: int) -> set[tuple[int, int]]:
-    """Return the points of an action that a head came to last above a line."""
-    k = bisect_right(walk.last, line)
-    if k >= len(walk.reached):
-        return set()
-    latest = max((at for at in walk.reached[k][1:] if at < line), default=0)
-    return {(k, point) for point, at in enumerate(walk.reached[k]) if point and at == latest}
-
-
-def _is_end(plan: JointPlan, edge: After) -> bool:
-    """Tell whether what is waited for is the end of an action, its last point included."""
-    path = plan.heads[edge.head].action_path(edge.action)
-    return edge.point in (ACTION_END, len(path) - 1)
-
-
-def last_points(plan: JointPlan, head: int) -> dict[int, int]:
-    """Return the last point, before the end, of a head's actions that others wait for."""
-    last = np.diff(plan.heads[head].path_offsets) - 1
-    found = np.full(len(last), -1)
-    for actions in plan.heads:
-        rows = np.flatnonzero((actions.after_head == head) & (actions.after_point != ACTION_END))
-        action, point = actions.after_action[rows], actions.after_point[rows]
-        within = point != last[action]
-        np.maximum.at(found, action[within], point[within])
-    waited = np.flatnonzero(found >= 0)
-    return dict(zip(waited.tolist(), found[waited].tolist(), strict=True))
+    def _is_end(self, edge: After) -> bool:
+        """Tell whether what is waited for is the end of an action, its last point included."""
+        path = self.heads[edge.head].action_path(edge.action)
+        return edge.point in (ACTION_END, len(path) - 1)
 
 
 def least_clock(file: HeadFile) -> Floats:

@@ -41,7 +41,7 @@ from sim.content.paths import legs_of
 from sim.content.same_print import check_print
 from sim.content.seams import job_with, seams_of_paths
 from sim.faults import Fault
-from sim.heads.file import SAME_MM, HeadFile, axis_moves
+from sim.heads.file import AXIS_MOVE, SAME_MM, HeadFile
 from sim.heads.sync import Knowledge
 from sim.replay.execution import execute
 from sim.replay.least import least_arrivals
@@ -59,16 +59,6 @@ class _Act:
     lines: list[int]  # from 1, of the move to each point but the first
     reversed: bool = False
 
-    @property
-    def first(self) -> int:
-        """Line of the first move."""
-        return self.lines[0]
-
-    @property
-    def last(self) -> int:
-        """Line of the last move."""
-        return self.lines[-1]
-
 
 def plan_of_files(
     files: Sequence[HeadFile], job: PrintJob, machine: Machine
@@ -76,15 +66,14 @@ def plan_of_files(
     """Return the plan of the files, one head each, and what they lay down unlike the source."""
     dots = _dots_of(job)
     laying = [_laying(file, dots) for file in files]
-    segments = [_segments(file, rows) for file, rows in zip(files, laying, strict=True)]
-    ours = Segments(
-        np.concatenate([s.ends for s in segments]),
-        np.concatenate([s.extrusion for s in segments]),
-        np.concatenate([s.feed for s in segments]),
-        np.concatenate([s.place for s in segments]),
-        "line",
+    ours = Segments.joined(
+        [
+            move_segments(m.points, m.extrusion, m.feed, m.line + 1, rows)
+            for m, rows in zip((file.motion for file in files), laying, strict=True)
+        ]
     )
-    parts = _by_file(segments, _contours(ours, contour_segments(job.contours)))
+    sizes = [len(rows) for rows in laying]
+    parts = _contours(ours, contour_segments(job.contours), sizes)
     loops = [
         path
         for file, rows, ids in zip(files, laying, parts, strict=True)
@@ -95,7 +84,7 @@ def plan_of_files(
     theirs = contour_segments(entered.contours)
     match = match_segments(ours, theirs)
     faults = check_print(ours, theirs, match, theirs.place) or compare(ours, theirs, match)
-    parts = _by_file(segments, _contours(ours, theirs))
+    parts = _contours(ours, theirs, sizes)
     acts = [
         _acts(file, rows, ids, entered)
         for file, rows, ids in zip(files, laying, parts, strict=True)
@@ -111,14 +100,11 @@ def plan_of_files(
     return replace(document, plan=JointPlan(_timed(document, all_actions, job))), faults
 
 
-def _contours(ours: Segments, theirs: Segments) -> Ints:
-    """Return the contour of each of our segments, NO_CONTOUR where it is of none."""
+def _contours(ours: Segments, theirs: Segments, sizes: Sequence[int]) -> list[Ints]:
+    """Return the contour of each of a file's segments, NO_CONTOUR where it is of none, by file."""
     match = match_segments(ours, theirs)
-    return np.asarray(np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match]))
-
-
-def _by_file(segments: Sequence[Segments], contour: Ints) -> list[Ints]:
-    return np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
+    contour = np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match])
+    return np.split(contour, np.cumsum(sizes)[:-1])
 
 
 def _beads(file: HeadFile, moves: Ints, contour: Ints) -> list[Floats]:
@@ -137,18 +123,12 @@ def _beads(file: HeadFile, moves: Ints, contour: Ints) -> list[Floats]:
 
 
 def _parted(run: Ints, contour: Ints) -> list[Ints]:
-    """Return the beads of a run of moves."""
     known = np.flatnonzero(contour != NO_CONTOUR)
     if not len(known):
         return [run]
     at = np.searchsorted(known, np.arange(len(run)), side="right") - 1
     ids = contour[known[np.maximum(at, 0)]]
     return np.split(run, np.flatnonzero(np.diff(ids)) + 1)
-
-
-def _segments(file: HeadFile, rows: Ints) -> Segments:
-    motion = file.motion
-    return move_segments(motion.points, motion.extrusion, motion.feed, motion.line + 1, rows)
 
 
 def _begin(file: HeadFile) -> int:
@@ -158,22 +138,23 @@ def _begin(file: HeadFile) -> int:
     """
     if given := file.rests.signals:
         return int(file.motion.before[given[0] - 1])
-    across = axis_moves(file)[1:2]
+    across = [line for line, code in file.rest if AXIS_MOVE.match(code)][1:2]
     return int(file.motion.before[across[0]]) if across else 0
 
 
 def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act]:
-    """Return the actions of one file."""
     motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
     laid = dict(zip(rows.tolist(), contour.tolist(), strict=True))
     acts: list[_Act] = []
-    for m in np.union1d(_moving(file), rows).tolist():
+    begin = _begin(file)
+    moving = np.flatnonzero((np.diff(motion.points[begin:], axis=0) != 0).any(axis=1)) + begin
+    for m in np.union1d(moving, rows).tolist():
         line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
         last = acts[-1] if acts else None
         if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
             continue  # a wipe back along a bead belongs to it (`sim.heads.walk`)
         above = bisect_left(syncs, line)
-        parted = last is None or (above > 0 and syncs[above - 1] > last.last)
+        parted = last is None or (above > 0 and syncs[above - 1] > last.lines[-1])
         if parted or last is None or last.contour != key:
             acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
         else:
@@ -187,13 +168,6 @@ def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act
         else:
             before.path[-1] = act.path[0]
     return acts
-
-
-def _moving(file: HeadFile) -> Ints:
-    """Return the moves after the set-up that change the position."""
-    begin = _begin(file)
-    moved = (np.diff(file.motion.points[begin:], axis=0) != 0).any(axis=1)
-    return np.flatnonzero(moved) + begin
 
 
 def _laying(file: HeadFile, dots: cKDTree | None) -> Ints:
@@ -280,12 +254,12 @@ def _head_actions(
 def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]]:
     """Return for each action of a head how far it knows the others to be, where that is news."""
     known_of = [(0, 0)] * len(acts)  # per head: actions ended, and points of the next one passed
-    ended = [np.array([act.last for act in other], np.int64) for other in acts]
+    ended = [np.array([act.lines[-1] for act in other], np.int64) for other in acts]
     after: list[list[After]] = []
     for act in acts[h]:
         edges = []
         for g in range(len(acts)):
-            line = known.done(h, act.first, g)
+            line = known.done(h, act.lines[0], g)
             count = int(np.searchsorted(ended[g], line))
             point = bisect_left(acts[g][count].lines, line) if count < len(acts[g]) else 0
             if g == h or (count, point) <= known_of[g]:
@@ -315,7 +289,10 @@ def _timed(
     seconds = []
     for h, (actions, whole) in enumerate(zip(legs.all_actions, all_actions, strict=True)):
         least = legs.arrivals(h, least_arrivals(document, whole, job, rests=True))
-        seconds.append(ACTION_S + _lengths(actions) / slowest + least[actions.path_offsets[1:] - 1])
+        paths = (actions.action_path(k) for k in range(len(actions)))
+        length = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
+        ends = least[actions.path_offsets[1:] - 1]
+        seconds.append(ACTION_S + np.array(length, np.float64) / slowest + ends)
     begin = execute(legs.all_actions, order, [taken + stands for taken in seconds])
     timed = []
     for h, actions in enumerate(all_actions):
@@ -324,10 +301,3 @@ def _timed(
         last = np.searchsorted(legs.origin[h], np.arange(len(actions)), side="right") - 1
         timed.append(replace(actions, begin_s=begin[h][first], end_s=ends[last]))
     return tuple(timed)
-
-
-def _lengths(actions: HeadActions) -> Floats:
-    """Return the length of each action's path."""
-    paths = (actions.action_path(k) for k in range(len(actions)))
-    lengths = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
-    return np.array(lengths, np.float64)

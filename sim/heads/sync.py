@@ -69,7 +69,8 @@ class Reader:
         if match is None:
             return None
         self._given += 1
-        stated, due = _values(match), self._due()
+        stated = _values(match)
+        due = {"head": self._place, "count": self._given, "level": self._given % 2}
         number = self._place + FILES * self._given if self._counts else stated["number"]
         amiss = [
             f" is signal {self._given} of file {self._place}, not of {name} {stated[name]}"
@@ -81,9 +82,6 @@ class Reader:
         if match is not rest and above.startswith(b"G4 "):
             amiss.append(": a dwell stands before this signal in motion")
         return Sync(line, True, number, match is not rest, tuple(amiss))
-
-    def _due(self) -> dict[str, int]:
-        return {"head": self._place, "count": self._given, "level": self._given % 2}
 
 
 def _pattern(line: str) -> re.Pattern[bytes]:

@@ -52,15 +52,8 @@ def check_to_park(
 ) -> Verdict:  # fmt: skip
     """Check the texts of files that take heads to their parks, in the order to run them.
 
-    Parameters
-    ----------
-    document : PlanDocument
-        The plan that was broken off.
-    machine : Machine
-        With all heads, those that print no more too.
-    done : (n,) contours of the plan that are printed, or broken off
-    standing : Mapping[str, Whereabouts]
-        Where each head of the machine stands.
+    `document` is the plan that was broken off, `done` its contours that are printed, or broken
+    off, (n,). The machine has all heads, those that print no more too; `standing` says where.
     """
     replay = _Replay(document, machine, done, {n: one.pieces for n, one in standing.items()})
     faults = list[Fault]()
@@ -74,7 +67,8 @@ def check_to_park(
             break
         faults += replay.take(name, moves, standing[name].contour)
     for name, one in standing.items():
-        if one.moves and not _is_at(replay.pieces[name], machine.head(name).park):
+        off = np.abs(replay.pieces[name] - np.array(machine.head(name).park)).max()
+        if one.moves and off > ROUNDED_MM:
             faults.append(Fault(FaultKind.NOT_PARKED, f"head {name} does not come to its park"))
     return Verdict(tuple(faults), {"files": float(len(files))})
 
@@ -103,10 +97,6 @@ def _read(text: bytes, place: int, count: int) -> tuple[str, list[Floats]]:
     if not moves or np.isfinite(moves[0]).tolist() != [False, False, True]:
         raise ValueError("it does not go up before all else")
     return header[1].decode("utf-8", "replace"), moves
-
-
-def _is_at(pieces: Floats, park: Sequence[float]) -> bool:
-    return float(np.abs(pieces - np.array(park)).max()) <= ROUNDED_MM
 
 
 @dataclass(slots=True)
@@ -182,7 +172,8 @@ class _Replay:
     def _goes_on(self, head: Head, begin: Floats, end: Floats) -> Iterator[Fault]:
         lowest = float(min(begin[..., 2].min(), end[..., 2].min()))
         lowest += min([0.0, *(part.low for part in parts_of(head))])
-        if lowest >= self._top() - ROUNDED_MM:
+        tops = (float(one.points[:, 2].max()) for one in self._printed())
+        if lowest >= max(tops, default=-np.inf) - ROUNDED_MM:
             return
         if (begin != begin[0, 0]).any():
             text = f"head {head.name} goes lower than what is printed where it is not known"
@@ -195,9 +186,6 @@ class _Replay:
         mine = taken(self.document.contours, rows[rows != but])
         before = self.document.printed
         return [one for one in (mine, before) if one is not None and len(one)]
-
-    def _top(self) -> float:
-        return max((float(one.points[:, 2].max()) for one in self._printed()), default=-np.inf)
 
     def _touched(self, head: Head, moves: Floats, but: int) -> Iterator[Fault]:
         for printed in self._printed(but):

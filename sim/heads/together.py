@@ -39,14 +39,8 @@ def verify_heads(
 ) -> Verdict:  # fmt: skip
     """Check the files of all heads of a plan, in the plan's order of heads.
 
-    Parameters
-    ----------
-    paths : sequence of paths or files
-        Which may be read already.
-    job, document
-        The source the plan was made from.
-    read : bool
-        Whether the plan was read from these files (`sim.heads.plan`).
+    They may be read already. `job` and `document` are the source the plan was made from; with
+    `read` the plan was read from these files (`sim.heads.plan`).
     """
     try:
         files = [
@@ -73,12 +67,11 @@ def judge_together(
     machine: Machine, *, read: bool = False,
 ) -> Verdict:  # fmt: skip
     """Check what the files of all heads do together; of each the faults found so far come first."""
-    files, parts = [each.file for each in walked], [each.part for each in walked]
+    files = [each.file for each in walked]
     if named := check_names(files, plan):
         return Verdict(tuple(named))
-    walks = [each.walk for each in walked]
     faults = [fault for each in walked for fault in each.faults]
-    complete = all(walk.complete for walk in walks)
+    complete = all(each.walk.complete for each in walked)
     if complete:
         faults += check_filament(walked, job, document)
     source = source_text(document)
@@ -92,7 +85,7 @@ def judge_together(
     intervals = Intervals(files, machine.signal_interval_s if release == "point" else 0.0)
     faults += intervals.check()
     if complete and not known.stuck:
-        faults += check_order(files, plan, known, parts, walks, intervals, read=read)
+        faults += check_order(walked, plan, known, intervals, read=read)
     signals = sum(len(file.syncs) for file in files)
     return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
 
@@ -141,16 +134,15 @@ M42 = re.compile(r"\s*M42\b(.*)", re.I)
 
 def check_words(words: SyncWords, release: Release) -> list[Fault]:
     """Check the lines of the files themselves."""
-    lines = list(_of_wait(words))
-    lines += list(_of_passed(words.passed)) if release == "point" else []
-    return listed(FaultKind.COMMAND, lines)
-
-
-def _of_wait(words: SyncWords) -> Iterator[str]:
+    lines = list[str]()
     if _RESUMED.match(words.wait):
-        yield f"'{words.wait}': what resumes before the pause is dropped, so the head never goes on"
+        dropped = "what resumes before the pause is dropped, so the head never goes on"
+        lines.append(f"'{words.wait}': {dropped}")
     if SYSTEMS.match(words.wait):
-        yield f"'{words.wait}' is for motion systems of one board, files are for one each"
+        lines.append(f"'{words.wait}' is for motion systems of one board, files are for one each")
+    if release == "point":
+        lines += _of_passed(words.passed)
+    return listed(FaultKind.COMMAND, lines)
 
 
 def _of_passed(line: str) -> Iterator[str]:

@@ -16,9 +16,10 @@ import numpy as np
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
 from decmcts.print.machine import Practice
-from decmcts.print.plan import ActionKind, HeadActions
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
 from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
+from sim.files.written import states_in_force
 from sim.heads.file import (
     E_MM,
     FEED_MM_S,
@@ -26,7 +27,6 @@ from sim.heads.file import (
     ContourMoves,
     HeadFile,
     Settings,
-    in_force,
     words_of,
 )
 
@@ -59,32 +59,6 @@ class Walk:
         return lines
 
 
-@dataclass(frozen=True, slots=True)
-class _PlainMoves:
-    """The moves of a file as plain numbers, for what is asked of one move at a time."""
-
-    x: list[float]  # (m,) where each ends
-    y: list[float]
-    z: list[float]
-    extrusion: list[float]  # (m,)
-    feed: list[float]  # (m,)
-    line: list[int]  # (m,) from 1
-    stays: list[bool]  # (m,) whether the position stays
-    state: list[int]  # (m,) row of the states in force
-
-    @classmethod
-    def of(cls, file: HeadFile) -> _PlainMoves:
-        """Return the moves of a file."""
-        motion = file.motion
-        x, y, z = motion.points.T.copy()
-        stays = np.logical_and.reduce([np.abs(np.diff(axis)) < 1e-9 for axis in (x, y, z)])
-        return cls(
-            x[1:].tolist(), y[1:].tolist(), z[1:].tolist(), motion.extrusion.tolist(),
-            motion.feed.tolist(), (motion.line + 1).tolist(), stays.tolist(),
-            file.track.at(motion.line).tolist(),
-        )  # fmt: skip
-
-
 class Walker:
     """Walks the moves begin..end - 1 of a file along its head's actions."""
 
@@ -95,20 +69,24 @@ class Walker:
     ) -> None:  # fmt: skip
         """Take for each action the last of its points that another head waits for (`waited`).
 
-        `practice` is what the head does where it stands idle, `kept` as in `differing`.
+        `practice` is what the head does where it stands idle, `kept` as in `words_of`.
         """
         self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._kept = kept
-        self._moves = _PlainMoves.of(file)
-        self._line, self._stays = self._moves.line, self._moves.stays
+        motion = file.motion  # as plain numbers, for what is asked of one move at a time, each (m,)
+        self._to, self._feed = motion.points[1:].tolist(), motion.feed.tolist()
+        self._extrusion, self._line = motion.extrusion.tolist(), (motion.line + 1).tolist()
+        self._state = file.track.at(motion.line).tolist()  # row of the states in force
+        still = np.abs(np.diff(motion.points.T.copy(), axis=1)) < 1e-9
+        self._stays: list[bool] = np.logical_and.reduce(still).tolist()
         self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()
         self._apart = _apart_in_file(actions.path, actions.path_offsets, document.decimals[0])
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
-        self._ours = cache(partial(in_force, file.track.table))  # states in words, by row
-        self._theirs = cache(partial(in_force, document.states))
+        self._ours = cache(partial(states_in_force, file.track.table))  # states in words, by row
+        self._theirs = cache(partial(states_in_force, document.states))
         starts = [*document.starts, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
         first = int(job.contours.epoch.min(initial=0))
@@ -128,8 +106,8 @@ class Walker:
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
         self._surplus += practice.prime_mm
         travel_feed = job.settings.travel_feed or DEFAULT_TRAVEL
-        self._feeds = (travel_feed, job.settings.z_feed or travel_feed)
-        self._travels = cache(self._is_travel_feed)
+        feeds = (travel_feed, job.settings.z_feed or travel_feed)
+        self._travels = cache(lambda feed: min(abs(feed - due) for due in feeds) <= FEED_MM_S)
         self._wipe_feeds = {each.wipe_feed or travel_feed for each in job.settings.each()}
 
     def run(self) -> Walk:
@@ -137,7 +115,11 @@ class Walker:
         for k in range(len(self.actions)):
             self.walk.first.append(-1)
             self.walk.reached.append([])
-            problem = self._act(k)
+            problem = ""  # it rests: `sim.heads.order` looks for the dwell
+            if self._kind[k] == _PRINT:
+                problem = self._print(k) or self._wipe(k)
+            elif self._kind[k] in (_TRAVEL, _PARK):
+                problem = self._travel(k)
             if problem:
                 self.walk.faults.append(problem)
                 return self.walk
@@ -150,15 +132,8 @@ class Walker:
         self.walk.complete = True
         return self.walk
 
-    def _act(self, k: int) -> str:
-        if self._kind[k] == _PRINT:
-            return self._print(k) or self._wipe(k)
-        if self._kind[k] in (_TRAVEL, _PARK):
-            return self._travel(k)
-        return ""  # it rests: `sim.heads.order` looks for the dwell
-
     def _travel(self, k: int) -> str:
-        moves, rows = self._moves, slice(self._bounds[k], self._bounds[k + 1])
+        rows = slice(self._bounds[k], self._bounds[k + 1])
         path, apart = self.actions.path[rows], self._apart[rows]
         line = self._line[self.at - 1]
         reached = self.walk.reached[k] = []
@@ -170,8 +145,7 @@ class Walker:
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
-            at = self.at
-            here, line = (moves.x[at], moves.y[at], moves.z[at]), moves.line[at]
+            here, line = self._to[self.at], self._line[self.at]
             if (
                 abs(here[0] - x) > SAME_MM
                 or abs(here[1] - y) > SAME_MM
@@ -179,16 +153,13 @@ class Walker:
             ):
                 due = _xyz((x, y, z))
                 return f"line {line} goes to {_xyz(here)}, the plan's action {k} to {due}"
-            if abs(moves.extrusion[at]) > E_MM:
+            if abs(self._extrusion[self.at]) > E_MM:
                 return f"line {line} pushes filament while it travels"
-            if not self._travels(moves.feed[at]):
-                return f"line {line} travels at {moves.feed[at]:.3f} mm/s"
+            if not self._travels(self._feed[self.at]):
+                return f"line {line} travels at {self._feed[self.at]:.3f} mm/s"
             self._step(k)
             reached.append(line)
         return ""
-
-    def _is_travel_feed(self, feed: float) -> bool:
-        return min(abs(feed - due) for due in self._feeds) <= FEED_MM_S
 
     def _print(self, k: int) -> str:
         contour, laid = self._contour[k], laid_by(self.job.contours, self.actions, k)
@@ -196,14 +167,16 @@ class Walker:
             return f"contour {contour} {laid}"
         while self.at < self.end and self._stays[self.at] and not self._is_dot(contour, laid):
             self._still()
-        if problem := self._begins(contour):
-            return problem
+        line = self._line[min(self.at, self.end - 1)]
+        owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
+        if self.file.motion.modes[max(line - 2, 0), 3] or owed > self._due(contour) + OWED_MM:
+            return f"line {line} begins contour {contour} with {owed:g} mm retracted"
         reached = self.walk.reached[k]
         reached.append(self._line[self.at - 1])
         stop = self.at + len(laid.extrusion)
         self.walk.laid.append(ContourMoves(contour, self.at, stop))
         if stop <= self.end and self._as_laid(laid, stop):
-            reached += self._moves.line[self.at : stop]
+            reached += self._line[self.at : stop]
             if stop > self.at:
                 self._step(k)
             self.at = stop
@@ -213,7 +186,7 @@ class Walker:
     def _as_laid(self, laid: Laid, stop: int) -> bool:
         """Tell whether all moves up to `stop` lay down what they should, in one look at each."""
         motion, rows = self.file.motion, slice(self.at, stop)
-        mine = self._moves.state[rows]
+        mine = self._state[rows]
         return bool(
             (np.abs(motion.points[self.at + 1 : stop + 1] - laid.points[1:]) <= SAME_MM).all()
             and (np.abs(motion.extrusion[rows] - laid.extrusion) <= E_MM).all()
@@ -242,7 +215,7 @@ class Walker:
             ):
                 if abs(has - due) > tolerance:
                     return f"line {line} has {has:.5f} {unit}, contour {contour} {due:.5f}"
-            if problem := self._other_state(self._moves.state[self.at], states[s]):
+            if problem := self._other_state(self._state[self.at], states[s]):
                 return f"line {line}: {problem}"
             self._step(k)
             reached.append(line)
@@ -253,8 +226,11 @@ class Walker:
 
         What stands before it pushes back what was retracted.
         """
-        begin, to = laid.points[:2].tolist()
-        if not _is_same(begin, to, self.document.decimals[0]):
+        ends = list(zip(*laid.points[:2].tolist(), strict=True))  # x, y and z of both
+        decimals = self.document.decimals[0]
+        if max(abs(a - b) for a, b in ends) > SAME_MM:  # rounding takes half a digit from each
+            return False
+        if any(round(a, decimals) != round(b, decimals) for a, b in ends):
             return False
         owed = float(self.file.motion.extruder[max(self._line[self.at] - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
@@ -265,14 +241,6 @@ class Walker:
     def _states(self, laid: Laid) -> list[int]:
         rows: list[int] = self.document.point_state[laid.rows].tolist()
         return rows
-
-    def _begins(self, contour: int) -> str:
-        """Return what is wrong with the filament retracted where a bead begins."""
-        line = self._line[min(self.at, self.end - 1)]
-        owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
-        if self.file.motion.modes[max(line - 2, 0), 3] or owed > self._due(contour) + OWED_MM:
-            return f"line {line} begins contour {contour} with {owed:g} mm retracted"
-        return ""
 
     def _due(self, contour: int) -> float:
         """Return what may be retracted where a contour begins, mm.
@@ -334,6 +302,19 @@ class Walker:
         return self._alike[mine, row]
 
 
+def last_points(plan: JointPlan, head: int) -> dict[int, int]:
+    """Return the last point, before the end, of a head's actions that others wait for."""
+    last = np.diff(plan.heads[head].path_offsets) - 1
+    found = np.full(len(last), -1)
+    for actions in plan.heads:
+        rows = np.flatnonzero((actions.after_head == head) & (actions.after_point != ACTION_END))
+        action, point = actions.after_action[rows], actions.after_point[rows]
+        within = point != last[action]
+        np.maximum.at(found, action[within], point[within])
+    waited = np.flatnonzero(found >= 0)
+    return dict(zip(waited.tolist(), found[waited].tolist(), strict=True))
+
+
 def _apart_in_file(path: Floats, offsets: Ints, decimals: int) -> Flags:
     """Tell which points a file of so many decimals tells from the one before in their path, (n,).
 
@@ -343,13 +324,6 @@ def _apart_in_file(path: Floats, offsets: Ints, decimals: int) -> Flags:
     apart = np.asarray((steps > 0.5 * 10.0**-decimals).any(axis=1))
     apart[offsets[:-1][offsets[:-1] < len(path)]] = False
     return apart
-
-
-def _is_same(one: list[float], other: list[float], decimals: int) -> bool:
-    """Tell whether a file of so many decimals has two points as one."""
-    if max(abs(a - b) for a, b in zip(one, other, strict=True)) > SAME_MM:
-        return False  # rounding takes no more than half a digit from each
-    return all(round(a, decimals) == round(b, decimals) for a, b in zip(one, other, strict=True))
 
 
 def _distance(point: Floats, path: Floats) -> float:

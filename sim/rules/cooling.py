@@ -1,16 +1,14 @@
-"""Whether a plan prints over any spot too soon.
+"""Whether a plan prints over any spot too soon; docs/definitions.md has the rule (*Cooling*).
 
-The plan names a rule: no contour begins over another within so many seconds of its end,
-or within the lag that the source has between the last of what is under it and its begin
-where that is less. Of the source's time only what it printed in between counts here, so
-the judge asks for no more than is due. Times are those of the judge's own motion model;
-retractions are no motion, and slicers set accelerations for single lines, so an action
-may take as long as the plan says within reason. Between several heads only the time
-counts that passes for every timing: along actions, waits and lags.
+Of the source's time only what it printed in between counts here, so the judge asks for no more
+than is due. Times are those of the judge's own motion model; retractions are no motion, and
+slicers set accelerations for single lines, so an action may take as long as the plan says within
+reason.
 
-A head may be slower than planned and may rest wherever it likes, but no leg takes less
-than its motion. So the least time from the end of one leg to the begin of another is the
-longest way between them through the partial order: along legs, waits and lags.
+Between several heads only the time counts that passes for every timing. A head may be slower than
+planned and may rest wherever it likes, but no leg takes less than its motion. So the least time
+from the end of one leg to the begin of another is the longest way between them through the partial
+order: along legs, waits and lags.
 """
 
 from __future__ import annotations
@@ -58,21 +56,30 @@ class TooSoon:
         )
 
 
-@dataclass(frozen=True, slots=True)
 class _Stack:
     """The contours on top of each other, and when the source prints them."""
 
-    contours: Contours
-    rule: float
-    before: Floats  # (n + 1,) seconds printed before each contour, as sliced
-    top: Floats  # (n,)
-    floor: Floats  # (n,)
-
-    @staticmethod
-    def of(contours: Contours, rule: float, work: Floats) -> _Stack:
+    def __init__(self, contours: Contours, rule: float, work: Floats) -> None:
         """Take what printing each contour takes, (n,)."""
-        before = np.concatenate([[0.0], np.cumsum(work)])
-        return _Stack(contours, rule, before, contours.top, contours.bottom - contours.height)
+        self.contours, self.rule = contours, rule
+        self.before = np.concatenate([[0.0], np.cumsum(work)])  # (n + 1,) s, as sliced
+        self.top, self.floor = contours.top, contours.bottom - contours.height  # (n,)
+
+    def too_soon(self, b: int, recent: NDArray[Any], gaps: Floats) -> Iterator[TooSoon]:
+        """Yield each contour under b that ended too short a time before it."""
+        contours, before, top = self.contours, self.before, self.top
+        half, floor = contours.height[b] / 2, self.floor[b]
+        meets = _ends_under(top[recent] - floor, half)
+        for k in np.flatnonzero(meets & (recent < b)).tolist():
+            a, gap = int(recent[k]), float(gaps[k])
+            due = min(self.rule, float(before[b] - before[a + 1]))
+            if gap >= due - SLACK_S or not _over(contours, a, b):
+                continue
+            under = a + 1 + np.flatnonzero(_ends_under(top[a + 1 : b] - floor, half))
+            last = next((c for c in under[::-1].tolist() if _over(contours, c, b)), a)
+            due = min(self.rule, float(before[b] - before[last + 1]))
+            if gap < due - SLACK_S:
+                yield TooSoon(b, a, gap, due)
 
 
 def check_cooling(
@@ -100,8 +107,8 @@ def check_cooling(
         recent = _recent_by(begin, end, rule)
     else:
         recent = _recent_of_all(legs, order, _of_legs(legs, arrivals, seconds), rule)
-    stack = _Stack.of(document.contours, rule, work)
-    lines = [str(each) for b, a, gap in recent for each in _too_soon(stack, b, a, gap)]
+    stack = _Stack(document.contours, rule, work)
+    lines = [str(each) for b, a, gap in recent for each in stack.too_soon(b, a, gap)]
     return listed(FaultKind.COOLING, lines)
 
 
@@ -116,9 +123,9 @@ def too_soon_in(document: PlanDocument, begin: Floats, end: Floats) -> Iterator[
     for actions in document.plan.heads:
         prints = actions.kind == ActionKind.PRINT
         work[actions.contour[prints]] = (actions.end_s - actions.begin_s)[prints]
-    stack = _Stack.of(document.contours, rule, work)
+    stack = _Stack(document.contours, rule, work)
     for b, recent, gaps in _recent_by(begin, end, rule):
-        yield from _too_soon(stack, b, recent, gaps)
+        yield from stack.too_soon(b, recent, gaps)
 
 
 def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
@@ -174,24 +181,6 @@ def _of_legs(legs: Legs, arrivals: list[Floats], seconds: list[Floats]) -> list[
     return taken
 
 
-def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iterator[TooSoon]:
-    """Yield each contour under b that ended too short a time before it."""
-    contours, rule, before = stack.contours, stack.rule, stack.before
-    top, floor = stack.top, stack.floor
-    half = contours.height[b] / 2
-    meets = _ends_under(top[recent] - floor[b], half)
-    for k in np.flatnonzero(meets & (recent < b)).tolist():
-        a, gap = int(recent[k]), float(gaps[k])
-        due = min(rule, float(before[b] - before[a + 1]))
-        if gap >= due - SLACK_S or not _over(contours, a, b):
-            continue
-        under = a + 1 + np.flatnonzero(_ends_under(top[a + 1 : b] - floor[b], half))
-        last = next((c for c in under[::-1].tolist() if _over(contours, c, b)), a)
-        due = min(rule, float(before[b] - before[last + 1]))
-        if gap < due - SLACK_S:
-            yield TooSoon(b, a, gap, due)
-
-
 def _seconds(actions: HeadActions, arrivals: Floats) -> Floats:
     own = arrivals[actions.path_offsets[1:] - 1]
     stated = actions.end_s - actions.begin_s
@@ -243,7 +232,19 @@ class LeastTime:
         done = np.zeros(len(self._seconds), np.int64)  # legs of each head that ended long before
         least: dict[tuple[int, int], float] = {}
         heap: list[tuple[int, int, int]] = []
-        self._step(head, leg, 0.0, least, heap)
+
+        def step(head: int, leg: int, begun: float) -> None:
+            """Note what has ended when a leg begins, `begun` seconds before."""
+            waits = self._waits[head].get(leg, ())
+            ended = [(edge.head, edge.action, edge.lag_s) for edge in waits]
+            if leg:
+                ended.append((head, leg - 1, 0.0))
+            for g, k, lag_s in ended:
+                if (g, k) not in least:
+                    heapq.heappush(heap, (-int(self._rank[g][k]), g, k))
+                least[g, k] = max(least.get((g, k), 0.0), begun + lag_s)
+
+        step(head, leg, 0.0)
         while heap:
             _, g, k = heapq.heappop(heap)
             passed = least[g, k]
@@ -253,21 +254,4 @@ class LeastTime:
                 np.maximum(done, self._order.clocks[g][k], out=done)
                 continue
             yield g, k, passed
-            self._step(g, k, passed + float(self._seconds[g][k]), least, heap)
-
-    def _step(
-        self,
-        head: int,
-        leg: int,
-        begun: float,
-        least: dict[tuple[int, int], float],
-        heap: list[tuple[int, int, int]],
-    ) -> None:
-        """Note what has ended when a leg begins, `begun` seconds before; mutates both."""
-        ended = [(edge.head, edge.action, edge.lag_s) for edge in self._waits[head].get(leg, ())]
-        if leg:
-            ended.append((head, leg - 1, 0.0))
-        for g, k, lag_s in ended:
-            if (g, k) not in least:
-                heapq.heappush(heap, (-int(self._rank[g][k]), g, k))
-            least[g, k] = max(least.get((g, k), 0.0), begun + lag_s)
+            step(g, k, passed + float(self._seconds[g][k]))

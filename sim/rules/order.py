@@ -113,18 +113,14 @@ class _Chain:
             for other, index in self.edges[nth]:
                 if index >= chains[other].done:
                     return other, index
-            self._stamp(chains, self.edges[nth])
+            clock = self.stamped[-1]
+            for other, index in self.edges[nth]:  # the maximum over all it waits for
+                clock = list(map(max, clock, chains[other].clock(index)))
+                clock[other] = max(clock[other], index + 1)
+            self.stamped.append(clock)
             self.done += 1
         self.done = self.size
         return None
-
-    def _stamp(self, chains: list[_Chain], edges: list[tuple[int, int]]) -> None:
-        """Add the clock of one action: the maximum over all it waits for."""
-        clock = self.stamped[-1]
-        for other, index in edges:
-            clock = list(map(max, clock, chains[other].clock(index)))
-            clock[other] = max(clock[other], index + 1)
-        self.stamped.append(clock)
 
     def clock(self, action: int) -> list[int]:
         """Return the clock of one action that has one."""

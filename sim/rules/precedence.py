@@ -84,28 +84,20 @@ def check_touching(contours: Contours, prints: Prints, rules: OrderRules) -> lis
     """Check that what touches on a layer keeps the source's order as its roles demand."""
     lines: list[str] = []
     if len(contours) and (rules.quality or rules.process_order == "keep"):
-        shapes = _lines_of(contours)
+        owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+        shapes = np.asarray(shapely.linestrings(contours.points[:, :2], indices=owner))
         for a, b in _near(contours, shapes, rules):
             wrong = ~prints.kept(a, b)
             a, b = a[wrong], b[wrong]
             reach = (contours.width[a] + contours.width[b]) / 2 + TOUCH_MM - ROUNDING_MM
             met = shapely.dwithin(shapes[a], shapes[b], reach)
-            lines += [_broken(contours, x, y) for x, y in zip(a[met], b[met], strict=True)]
+            for x, y in zip(a[met].tolist(), b[met].tolist(), strict=True):
+                one, other = (Role(int(contours.role[c])).name.lower() for c in (x, y))
+                lines.append(
+                    f"contour {x} ({one}) must end before contour {y} ({other}) begins: "
+                    f"they touch on layer {contours.layer[x]}"
+                )
     return listed(FaultKind.PRECEDENCE, lines)
-
-
-def _broken(contours: Contours, a: int, b: int) -> str:
-    roles = [Role(int(contours.role[c])).name.lower() for c in (a, b)]
-    return (
-        f"contour {a} ({roles[0]}) must end before contour {b} ({roles[1]}) begins: "
-        f"they touch on layer {contours.layer[a]}"
-    )
-
-
-def _lines_of(contours: Contours) -> NDArray[np.object_]:
-    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
-    lines: NDArray[np.object_] = shapely.linestrings(contours.points[:, :2], indices=owner)
-    return lines
 
 
 def _near(
@@ -149,9 +141,14 @@ def check_epochs(
     contours: Contours, all_actions: tuple[HeadActions, ...], order: PartialOrder
 ) -> list[Fault]:
     """Check a plan: every print follows all prints of earlier epochs, for every timing."""
-    rows = early(
-        all_actions, order, lambda other, c: _last_before(contours, other)[contours.epoch[c]]
-    )
+
+    def due(other: HeadActions, contour: Ints) -> Ints:
+        prints = np.nonzero(other.kind == ActionKind.PRINT)[0]
+        last = np.full(int(contours.epoch.max(initial=0)) + 2, -1, np.int64)  # before each epoch
+        np.maximum.at(last, contours.epoch[other.contour[prints]] + 1, prints)
+        return np.maximum.accumulate(last)[contours.epoch[contour]]
+
+    rows = early(all_actions, order, due)
     lines = [
         f"contour {c} of epoch {contours.epoch[c]} may begin before an earlier epoch has ended"
         for c in rows.tolist()
@@ -159,22 +156,11 @@ def check_epochs(
     return listed(FaultKind.PRECEDENCE, lines)
 
 
-def _last_before(contours: Contours, actions: HeadActions) -> Ints:
-    """Return for each epoch the last action of a head that prints an earlier one, or -1."""
-    prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
-    last = np.full(int(contours.epoch.max(initial=0)) + 2, -1, np.int64)
-    np.maximum.at(last, contours.epoch[actions.contour[prints]] + 1, prints)
-    return np.maximum.accumulate(last)
-
-
 def check_file_epochs(line: Ints, match: Ints, source_epoch: Ints) -> list[Fault]:
     """Check a file: the epochs of its extrusions, taken from the source, never go back.
 
-    Parameters
-    ----------
-    line : (n,) line of each extrusion of the file, in its order
-    match : (n,) the source's extrusion each one is, negative when none
-    source_epoch : (m,) epoch of each extrusion of the source, negative outside contours
+    `line` is that of each extrusion, in the file's order, `match` the source's extrusion it is,
+    (n,), `source_epoch` the epoch of each of these, (m,); below 0: none.
     """
     known = np.nonzero(match >= 0)[0]
     epoch = source_epoch[match[known]]
@@ -199,12 +185,19 @@ def check_lead(
     step = np.diff(contours.layer)
     run = np.concatenate([[0], np.cumsum(step != 0)])
     climb = np.concatenate([[0], np.cumsum(step < 0)])
+    runs = np.arange(int(run[-1]) + 1)
+    climb_of_run = climb[np.searchsorted(run, runs)]
+    climbs = np.split(runs, np.flatnonzero(np.diff(climb_of_run)) + 1)
 
     def due(other: HeadActions, contour: Ints) -> Ints:
+        last = np.full(len(runs), -1, np.int64)  # action that prints each run, or one below it
+        prints = np.nonzero(other.kind == ActionKind.PRINT)[0]
+        np.maximum.at(last, run[other.contour[prints]], prints)
+        for part in climbs:
+            last[part] = np.maximum.accumulate(last[part])
         below = run[contour] - ahead - 1
-        last = _last_of_runs(run, climb, other)[np.maximum(below, 0)]
-        same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
-        return np.where((below >= 0) & same, last, -1)
+        same = climb_of_run[np.maximum(below, 0)] == climb[contour]
+        return np.where((below >= 0) & same, last[np.maximum(below, 0)], -1)
 
     rows = early(all_actions, order, due)
     lines = [
@@ -213,17 +206,6 @@ def check_lead(
         for c in rows.tolist()
     ]
     return listed(FaultKind.PRECEDENCE, lines)
-
-
-def _last_of_runs(run: Ints, climb: Ints, actions: HeadActions) -> Ints:
-    """Return of each run of a layer the last action of a head that prints it or one below it."""
-    last = np.full(int(run[-1]) + 1, -1, np.int64)
-    prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
-    np.maximum.at(last, run[actions.contour[prints]], prints)
-    first = np.searchsorted(run, np.arange(len(last)))
-    for part in np.split(np.arange(len(last)), np.flatnonzero(np.diff(climb[first])) + 1):
-        last[part] = np.maximum.accumulate(last[part])
-    return last
 
 
 def check_freedom(

@@ -53,5 +53,5 @@ def test_what_was_not_measured_is_null():
     facts = nearest_facts(Verdict((), nearest=Nearest(beside=BESIDE)))
     assert facts == {
         "heads": None,
-        "beside": {"mm": 5.0, "at_least": True, "required_mm": 0.0, "heads": ["left"], "at": []},
+        "beside": {"mm": 5.0, "at_least": True, "required_mm": 0.0, "heads": ("left",), "at": ()},
     }

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from sim.files.commands import _MOVE, _PLAIN, command_in, commands_of, not_plain
+from sim.files.commands import _PLAIN, PLAIN_MOVE, command_in, commands_of, not_plain
 
 MOVE = re.compile(rb"G[0-3](?![\d.])", re.I)
 NAMES = (b"G1", b"G12", b"G2", b"G01", b"g1", b"G1.", b"M104", b"", b";", b"(", b" ")
@@ -34,7 +34,7 @@ def test_what_is_passed_over_is_a_move_or_a_comment(seed: int):
         text = b"\n".join(rows)
         left = set(not_plain(text, _PLAIN))
         passed = [row for k, row in enumerate(text.split(b"\n")) if k not in left]
-        assert all(row[:1] == b";" or _MOVE.match(row) for row in passed)
+        assert all(row[:1] == b";" or PLAIN_MOVE.match(row) for row in passed)
 
 
 def test_plain_moves_are_passed_over():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from decmcts.formats.gcode import GcodeDocument, read_written
-from sim.files.endings import ending_faults
+from sim.files.written import ending_faults
 
 
 def same_ending(document: GcodeDocument, path: Path) -> list[str]:
