@@ -20,7 +20,7 @@ from decmcts.formats.gcode.controller.limits import (
     stated_limits,
 )
 from decmcts.formats.gcode.controller.motion import Motion, interpret
-from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.text.lines import Lines, split_lines
@@ -102,7 +102,7 @@ def text_time(
     rows = state_limits(track.table, limits.under(stated), stated, own=own_limits)
     program, line = file_program(lines, motion, track, rows)
     seconds = program.seconds()
-    dwell = sum(dwell_seconds(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
+    dwell = sum(dwell_seconds(lines, n) for n in np.flatnonzero(lines.are("G", (40,))).tolist())
     changes = _change_seconds(lines, motion)
     over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
     printing = _print_seconds(lines, program, seconds, line) + changes
@@ -124,7 +124,7 @@ def _print_seconds(
     if not len(beads):
         return 0.0
     first, last = int(beads[0]), int(beads[-1])
-    dwells = _lines_of(lines, 71, (40,)) + 1
+    dwells = np.flatnonzero(lines.are("G", (40,))) + 1
     inside = dwells[(dwells > line[first]) & (dwells < line[last])] - 1
     moving = float(seconds[first : last + 1].sum())
     return moving + sum(dwell_seconds(lines, n) for n in inside.tolist())
@@ -192,9 +192,7 @@ def file_program(
         moved = [firmware.at(n, pull=bool(turned[n] > 0)) for n in at.tolist()]
         length[:], feed[:] = np.array(moved).T
     line = np.insert(motion.line, place, at)
-    walls = np.sort(
-        np.concatenate([_lines_of(lines, 71, _STOPS_G), _lines_of(lines, 77, _STOPS_M)])
-    )
+    walls = np.flatnonzero(lines.are("G", _STOPS_G) | lines.are("M", _STOPS_M))
     passed = np.searchsorted(walls, line)
     program = Program(
         np.insert(motion.points, place + 1, motion.points[place], axis=0),
@@ -202,11 +200,6 @@ def file_program(
         track.at(line), limits, np.diff(passed, prepend=0) > 0,
     )  # fmt: skip
     return program, line + 1
-
-
-def _lines_of(lines: Lines, letter: int, codes: tuple[int, ...]) -> NDArray[np.int64]:
-    """Return the lines with one of these commands (numbers times ten)."""
-    return np.flatnonzero((lines.letter == letter) & np.isin(lines.code, codes)).astype(np.int64)
 
 
 def dwell_seconds(lines: Lines, line: int) -> float:
@@ -224,6 +217,6 @@ def _change_seconds(lines: Lines, motion: Motion) -> float:
         return 0.0  # a tool that keeps its filament loads nothing
     load = setting(lines.text, b"filament_load_time")
     unload = setting(lines.text, b"filament_unload_time")
-    used = motion.modes[motion.line, TOOL][motion.extrusion > 0]
+    used = motion.tool[motion.extrusion > 0]
     changes = int(np.count_nonzero(np.diff(used)))
     return changes * load + max(0, changes - 1) * unload

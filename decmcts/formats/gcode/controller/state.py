@@ -6,6 +6,7 @@ Reads the meaning of lines from `dialect`; knows nothing of contours.
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -60,6 +61,16 @@ class Track:
     def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
         """Return the state in force when a line begins."""
         return np.asarray(self.states[np.searchsorted(self.lines, line, side="left") - 1])
+
+    def stops(self, reasons: Collection[str] | None = None) -> NDArray[np.int64]:
+        """Return the lines of all barriers, or of those for some reasons, ascending."""
+        due = [k for k, reason in self.barriers.items() if reasons is None or reason in reasons]
+        return np.array(sorted(due), np.int64)
+
+    def in_section(self, line: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Tell which lines stand in a slicer's tool change."""
+        k = np.searchsorted(self.sections[:, 0], line) - 1  # -1: above the first
+        return np.asarray(line < np.append(self.sections[:, 1], 0)[k])
 
 
 @dataclass(slots=True)
@@ -216,13 +227,10 @@ class _StateCollector:
         elif event.params:
             self.merge(event.slot, event, line)
         else:
-            text = self._typed(event.text) if event.slot == "type" else event.text
+            text, above = event.text, self.get("type").split("\n")[0]
+            if event.slot == "type" and ":" in above and ":" not in text:
+                text = f"{above}\n{text}"  # of the type it is a kind of (Cura's `;BRIDGE`)
             self.set_slot(event.slot, text, line)
-
-    def _typed(self, text: str) -> str:
-        """Return a role's comment below the type it is a kind of (Cura's `;BRIDGE`), if it is."""
-        above = self.get("type").split("\n")[0]
-        return text if ":" in text or ":" not in above else f"{above}\n{text}"
 
     def merge(self, slot: str, event: LineMeaning, line: int, form: str = "") -> None:
         """Set the parameters of a command that holds them one by one."""
@@ -246,7 +254,7 @@ class _StateCollector:
     def leave_slot(self, slot: str, text: str, line: int) -> bool:
         """End the object in a slot and keep the words that end it; False where none is open."""
         where = self.slots.get(slot)
-        if where is None or where >= len(self.current) or self.current[where] == UNSET:
+        if where is None or self.current[where] == UNSET:
             return False
         self.leave[self.current[where]] = text
         self.set_slot(slot, "", line)
@@ -272,8 +280,11 @@ def track_state(lines: Lines, motion: Motion) -> Track:
     """
     collector = _StateCollector(lines, motion)
     known = cache(classify)  # most lines say what others said
-    moves = (lines.letter == 71) & (lines.code <= 30)
-    for line in _event_lines(lines, moves).tolist():
+    moves = lines.moves
+    wanted = ~moves & (lines.ends > lines.starts)
+    if not _TYPED.search(lines.text):  # only comments behind moves name roles
+        wanted |= moves & (lines.comment < lines.ends)
+    for line in np.flatnonzero(wanted).tolist():
         if moves[line]:
             collector.take_comment(line)
         else:
@@ -292,14 +303,6 @@ def _code(lines: Lines, line: int) -> str:
     """Return the command of a line without comment, line number and checksum."""
     text = lines.raw(line).decode("utf-8", "surrogateescape").split(";", 1)[0]
     return " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
-
-
-def _event_lines(lines: Lines, moves: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the lines to classify: no moves, unless only their comments name roles."""
-    wanted = ~moves & (lines.ends > lines.starts)
-    if not _TYPED.search(lines.text):
-        wanted |= moves & (lines.comment < lines.ends)
-    return np.flatnonzero(wanted).astype(np.int64)
 
 
 def _changes(motion: Motion, line: int) -> bool:

@@ -6,7 +6,7 @@ The scanning itself is `decmcts.formats.gcode.text.scan_kernels`; this is its ty
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -109,6 +109,20 @@ class Lines:
         stop = int(self.starts[last]) if last < len(self) else len(self.text)
         return self.text[int(self.starts[first]) : stop]
 
+    def are(self, letter: str, codes: Collection[int]) -> NDArray[np.bool_]:
+        """Tell which lines are one of these commands (numbers times ten), (n,)."""
+        return np.asarray((self.letter == ord(letter)) & np.isin(self.code, list(codes)))
+
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """Which lines are G0 to G3, (n,)."""
+        return np.asarray((self.letter == ord("G")) & (self.code <= 30))
+
+    def refuse_first(self, wrong: NDArray[np.bool_], what: str, advice: str = "") -> None:
+        """Raise InputError at the first line that is `wrong`, (n,), if any is."""
+        if len(rows := np.flatnonzero(wrong)):
+            raise self.refuse(int(rows[0]), what, advice)
+
     def refuse(self, line: int, what: str, advice: str = "") -> InputError:
         """Return the error that names a line of this file (index from 0)."""
         shown = self.raw(line)[:60].decode("utf-8", "replace").strip()
@@ -167,12 +181,12 @@ def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
         (slice(scan.F, scan.OFFSET_I), 60.0 * LARGEST_SPEED_MM_S, "a feed"),
     ):
         wild = np.abs(lines.values[:, column]) > most  # NaN, a parameter left out, is not
-        if not wild.any():
-            continue
-        large = np.flatnonzero(wild.any(axis=1) & (lines.letter == 71))
-        if len(large):
-            raise lines.refuse(int(large[0]), f"{what} beyond ±{most:g}")
-    _check_tail(lines)
+        if wild.any():
+            lines.refuse_first(wild.any(axis=1) & (lines.letter == 71), f"{what} beyond ±{most:g}")
+    last = len(lines) - 1
+    cut = len(lines) and lines.raw(last).endswith((b".", b"-", b"+"))
+    if cut and lines.moves[last] and not lines.text.endswith(b"\n"):
+        raise lines.refuse(last, "the file ends in the middle of a line", "export it again")
 
 
 def _check_brackets(lines: Lines) -> None:
@@ -201,13 +215,3 @@ def _opens_again(code: bytes) -> bool:
     """Tell whether a bracket opens within one that is open and closed later."""
     end = code.rfind(b")")
     return any(b"(" in part.partition(b"(")[2] for part in code[: max(end, 0)].split(b")"))
-
-
-def _check_tail(lines: Lines) -> None:
-    """Refuse a file that stops in the middle of a move."""
-    if not len(lines):
-        return
-    last = len(lines) - 1
-    cut = not lines.text.endswith(b"\n") and lines.letter[last] == 71 and lines.code[last] <= 30
-    if cut and lines.raw(last)[-1:] in b".-+":
-        raise lines.refuse(last, "the file ends in the middle of a line", "export it again")

@@ -71,7 +71,7 @@ from decmcts.formats.gcode.writing.hot_ends import (
     early_heat,
     heat_taken_by_heads,
     heats,
-    source_heats,
+    hot_end_commands,
 )
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import OwnFilament, feeds_one_bead, own_lines
@@ -167,7 +167,8 @@ class _HeadFileWriter:
         text = document.preamble + (b"" if own_start is None else own_start.text)
         preamble = self._own(text, keep_homing=True, relative_e=False)
         self.filament.begin(preamble)
-        emitter.cold = self.filament.shared and source_heats(document) and not heats(preamble)
+        heated = any(given.command.heats for given in hot_end_commands(document))
+        emitter.cold = self.filament.shared and heated and not heats(preamble)
         first, rest = _split_first(with_header(preamble, header, document.newline), header)
         emitter.verbatim(first)
         if head > 0:
@@ -195,9 +196,7 @@ class _HeadFileWriter:
     def _resume(self, cursor: Cursor) -> None:
         """Set modes and E as the source has them, after lines of it were left out."""
         self.emitter.emit("G90")
-        self.emitter.emit(
-            "M83" if cursor.relative_e else "M82"
-        )  # G90 resets E too in some firmwares
+        self.emitter.emit("M83" if cursor.relative_e else "M82")  # G90 may reset E too
         self._count_from(cursor)
 
     def _count_from(self, cursor: Cursor) -> None:
@@ -215,7 +214,7 @@ class _HeadFileWriter:
         elif kind != _WAIT:
             if (ahead := self.ahead[k]) >= 0:
                 state = first_state(self.beads, self.document, self.head, ahead)
-                self.emitter.set_travel(state)
+                self.emitter.states.set_travel(state)
             self.emitter.travel(self._path(k), passed)
         self.waits.ended(k)
 
@@ -245,7 +244,6 @@ class _HeadFileWriter:
         self._retract_for(k + 1)
 
     def _path(self, k: int) -> list[Point]:
-        """Return the path of an action."""
         return list(map(tuple, self.head.action_path(k).tolist()))
 
     def _retract_for(self, k: int) -> None:
@@ -268,7 +266,7 @@ class _HeadFileWriter:
         self._cross(2**31)
         if not self.filament.is_other(end.tool):
             emitter.owe(end.owed, firmware=end.firmware_retracted, exact=True)
-        emitter.set_state(end.state)
+        emitter.states.set(end.state)
         emitter.set_e(end.e)
         heat_taken: HeatTaken = "all" if self.heat_taken == "all" else "off"
         text = self.document.postamble
@@ -294,7 +292,7 @@ class _HeadFileWriter:
                 block.text, relative_e=begin.relative_e, tool=begin.tool, fed=not spared
             )
             self.filament.owe(block, text, spared=spared)
-            emitter.set_state(begin.state)
+            emitter.states.set(begin.state)
             emitter.set_e(begin.e)
             emitter.verbatim(text)
             self.hot_end.take(text)

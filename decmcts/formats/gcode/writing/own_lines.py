@@ -26,7 +26,6 @@ from decmcts.formats.gcode.writing.hot_ends import (
     OWN,
     HeatTaken,
     hot_end_command,
-    is_taken,
     selected_by,
 )
 
@@ -220,6 +219,6 @@ def _for_own_tool(line: bytes, tool: int | None, heat_taken: HeatTaken | None) -
         named = None
     if named and (tool is None or int(named.group(2)) == tool):
         return named.group(1) + line[named.end() :]
-    if named or (heat_taken is not None and not is_taken(heat_taken, hot_end_command(line))):
-        return b"; left out, another head's tool: " + line
-    return line
+    command = hot_end_command(line) if heat_taken in ("own", "off") else None
+    is_others = command is not None and (heat_taken == "own" or command.heats)
+    return b"; left out, another head's tool: " + line if named or is_others else line

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import OF_TOOL
-from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, OwnStart
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, MoreStates, OwnStart
 from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import HeatTaken, heat_taken_by_heads, hot_end_command
 from decmcts.formats.gcode.writing.own_lines import own_lines
@@ -57,11 +57,9 @@ def with_tool_left(
             path=document.path,
         )
     contours = printed_with(freed.job.contours, other)
-    states = _States(freed, other)
     own = first_use(job, document, tool)
-    alone = _Text(
-        freed, document, tool, other, states, heat_taken_by_heads(document, job), first
-    ).alone(own)
+    heat_taken = heat_taken_by_heads(document, job)
+    alone = _Text(freed, document, tool, other, heat_taken, first).alone(own)
     found = replace(freed.job, contours=contours, practices=())
     why = _other_heat(found, alone, tool, (job, document), first)
     if why and other:
@@ -82,10 +80,10 @@ class _Text:
 
     def __init__(
         self, freed: Freed, document: GcodeDocument, tool: int, other: Mapping[int, int],
-        states: _States, heat_taken: HeatTaken, first: int,
+        heat_taken: HeatTaken, first: int,
     ) -> None:  # fmt: skip
         self.freed, self.document, self.tool, self.other = freed, document, tool, other
-        self.states, self.heat_taken, self.start = states, heat_taken, document.start
+        self.states, self.heat_taken, self.start = _States(freed, other), heat_taken, document.start
         self.begins = int(freed.job.contours.epoch[first])
         self.own = np.flatnonzero(printed_with(freed.job.contours, other).tool == tool)
 
@@ -116,10 +114,8 @@ class _Text:
     def _end(self, end: Cursor) -> Cursor:
         """Return where the head's controller stands below its last bead."""
         cursor = self._cursor(end, len(self.own))
-        if self.other.get(end.tool, end.tool) == self.tool:
-            return cursor
-        deep = self.freed.job.settings.for_tool(self.tool).retract_mm
-        return replace(cursor, owed=deep, pulled=deep, firmware_retracted=False)
+        used = self.other.get(end.tool, end.tool) == self.tool
+        return cursor if used else self._retracted(cursor)
 
     def _block(self, block: Block) -> Block | None:
         """Return a block as the head has it; None: it has nothing of it."""
@@ -147,6 +143,9 @@ class _Text:
                 cursor, owed=start.owed, pulled=start.pulled,
                 firmware_retracted=start.firmware_retracted,
             )  # fmt: skip
+        return self._retracted(cursor)
+
+    def _retracted(self, cursor: Cursor) -> Cursor:
         deep = self.freed.job.settings.for_tool(self.tool).retract_mm
         return replace(cursor, owed=deep, pulled=deep, firmware_retracted=False)
 
@@ -155,12 +154,14 @@ class _Text:
 
         Of another tool's that it prints for, and those of its own standby.
         """
-        rows = block.text.splitlines(keepends=True)
-        if changes and block.end.tool != self.tool:
-            return b"".join(row for row in rows if hot_end_command(command_of(row)) is None)
-        if not changes and block.begin.tool in self.other:
-            return b"".join(row for row in rows if not _heats_in_use(row))
-        return block.text
+        kept = []
+        for row in block.text.splitlines(keepends=True):
+            command = hot_end_command(command_of(row))
+            standby = changes and block.end.tool != self.tool
+            of_other = not changes and block.begin.tool in self.other
+            if command is None or not (standby or (of_other and command.tool is None)):
+                kept.append(row)
+        return b"".join(kept)
 
     def _own(
         self, text: bytes, selected: int, *, relative_e: bool, keep_homing: bool = False,
@@ -189,24 +190,14 @@ class _Text:
         return b"".join([*rows[:at], b"T%d" % self.tool + self.document.newline, *rows[at:]])
 
 
-def _heats_in_use(row: bytes) -> bool:
-    """Tell whether a line says how hot the tool in use is to be, without naming it."""
-    command = hot_end_command(command_of(row))
-    return command is not None and command.tool is None
-
-
 class _States:
     """States of a source, where fans and settings of the tool in use are another tool's."""
 
     def __init__(self, freed: Freed, other: Mapping[int, int]) -> None:
         document, self.contours = freed.document, freed.job.contours
-        self.table, self.point_state = document.states, document.point_state.copy()
+        self.point_state, self._states = document.point_state.copy(), MoreStates(document.states)
         slots = document.states.slots
         self._its = [k for k, s in enumerate(slots) if s.startswith("fan") or s in OF_TOOL]
-        self._rows = list(map(tuple, document.states.rows.tolist()))
-        self._known = {row: k for k, row in enumerate(self._rows)}
-        travel = document.states.travel
-        self._travel = None if travel is None else travel.tolist()
         owner = np.repeat(np.arange(len(self.contours)), np.diff(self.contours.offsets))
         for due, has in other.items():
             like = _nearest(self.contours, due, has)
@@ -219,16 +210,8 @@ class _States:
 
     def of(self, state: int, model: int) -> int:
         """Return the state that is like one, but for what goes with a tool: that is the model's."""
-        row = list(self._rows[state])
-        for k in self._its:
-            row[k] = self._rows[model][k]
-        key = tuple(row)
-        if key not in self._known:
-            self._known[key] = len(self._rows)
-            self._rows.append(key)
-            if self._travel is not None:
-                self._travel.append(self._travel[state])
-        return self._known[key]
+        row = self._states.rows[model]
+        return self._states.like(state, {k: row[k] for k in self._its})
 
     def begins(self, contour: int) -> int:
         """Return the state in which a contour begins."""
@@ -236,10 +219,7 @@ class _States:
 
     def put_into(self, document: GcodeDocument) -> GcodeDocument:
         """Return a document with these states."""
-        rows = np.array(self._rows, np.int32).reshape(-1, len(self.table.slots))
-        travel = None if self._travel is None else np.array(self._travel, np.int32)
-        states = replace(self.table, rows=rows, travel=travel)
-        return replace(document, states=states, point_state=self.point_state)
+        return replace(document, states=self._states.table(), point_state=self.point_state)
 
 
 def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:

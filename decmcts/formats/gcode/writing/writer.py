@@ -83,7 +83,7 @@ def write_gcode(
             path.append(actions.action_path(k))
         if kind is ActionKind.WAIT:
             if ahead[k] >= 0:
-                emitter.set_travel(first_state(beads, document, actions, ahead[k]))
+                emitter.states.set_travel(first_state(beads, document, actions, ahead[k]))
             pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
             path = []
         if kind is not ActionKind.PRINT:
@@ -140,11 +140,11 @@ def emit_block(emitter: Emitter, block: Block) -> None:
             x, y, _ = emitter.at
             emitter.travel([(x, y, begin.position[2])])
     elif math.dist(emitter.at, begin.position) >= NEAR_MM:
-        emitter.set_travel(begin.state)
+        emitter.states.set_travel(begin.state)
         emitter.bridge(begin.position)
     emitter.owe(begin.owed, firmware=begin.firmware_retracted)
     left = emitter.owed - begin.owed
-    emitter.set_state(begin.state)
+    emitter.states.set(begin.state)
     emitter.set_e(begin.e)
     emitter.set_feed(begin.feed)
     stood = emitter.at
@@ -192,9 +192,9 @@ def print_contour(
         points = way.points[::step]
         state = int(emitter.document.point_state[way.rows[1:]][::step][0])
     begin: Point = tuple(points[0].tolist())
-    emitter.set_state(state, before_travel=True)
+    emitter.states.set(state, before_travel=True)
     if math.dist(begin, emitter.at) >= NEAR_MM:
-        emitter.set_travel(state)
+        emitter.states.set_travel(state)
     written = len(emitter.lines)
     _go(emitter, path, begin)
     first = emitter.top == -math.inf  # what the start code pushes belongs to the first bead
@@ -203,7 +203,7 @@ def print_contour(
     emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False
     if way is None:
-        emitter.set_state(state)
+        emitter.states.set(state)
         ends = beads.ends(contour, is_reversed=is_reversed)
         left = beads.left(contour, is_reversed=is_reversed) if emitter.relative_e else []
         emitter.plain(ends, left, beads.feed[contour])
@@ -226,7 +226,7 @@ def _lay(
     while k < len(feed):
         if state[k] != held:
             held = state[k]
-            emitter.set_state(held)
+            emitter.states.set(held)
         if arc := arcs.get(k):
             until = arc.end
             pushed = float(sum(filament[k:until]))
@@ -270,12 +270,12 @@ def _finish(emitter: Emitter) -> None:
     """
     end = emitter.document.end
     if math.dist(emitter.at, end.position) >= NEAR_MM:
-        emitter.set_travel(end.state)
+        emitter.states.set_travel(end.state)
     emitter.hover(end.position)
     if abs(emitter.owed - end.owed) > 1e-6:  # be it but rounding: nothing is left for later
         emitter.retract()
     emitter.owe(end.owed, firmware=end.firmware_retracted)
-    emitter.set_state(end.state)
+    emitter.states.set(end.state)
     emitter.set_e(end.e)
     emitter.set_feed(end.feed)
     emitter.verbatim(b"".join(without_progress(emitter.document.postamble)))
