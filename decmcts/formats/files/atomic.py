@@ -64,8 +64,9 @@ def write_all(files: Sequence[tuple[Path | str, bytes]]) -> None:
     except BaseException as error:
         for each in reversed(replaced):
             each.put_back()
-        if isinstance(error, OSError | RuntimeError):  # RuntimeError: links in a circle
-            raise _unwritable(path, error) from error
+        if isinstance(error, OSError | RuntimeError):
+            why = error.strerror if isinstance(error, OSError) else "a link that leads to itself"
+            raise InputError(f"cannot be written ({why})", path=path) from error
         raise
     finally:
         for each in staged:
@@ -151,11 +152,6 @@ def refuse_long_name(path: Path) -> None:
             f"the name has {size} bytes, at most {most} are possible here", path=path,
             advice="name a shorter one",
         )  # fmt: skip
-
-
-def _unwritable(path: Path | str, error: Exception) -> InputError:
-    reason = error.strerror if isinstance(error, OSError) else "a link that leads to itself"
-    return InputError(f"cannot be written ({reason})", path=path)
 
 
 def _mode(path: Path) -> int:

@@ -180,12 +180,10 @@ def numbers(
     most: float = _LARGEST,
 ) -> NDArray[np.float64]:
     """Return (k,) float64 from a list of finite numbers, or raise InputError."""
-    if not isinstance(flat, list) or not set(map(type, flat)) <= _NUMBERS:
-        bad = (
-            next((v for v in flat if type(v) not in _NUMBERS), flat)
-            if isinstance(flat, list)
-            else flat
-        )
+    if not isinstance(flat, list):
+        fail(where, f"expected numbers, found {shown(flat)}", path)
+    if not set(map(type, flat)) <= _NUMBERS:
+        bad = next(v for v in flat if type(v) not in _NUMBERS)
         fail(where, f"expected numbers, found {shown(bad)}", path)
     try:
         table = np.array(flat, np.float64)

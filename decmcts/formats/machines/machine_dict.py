@@ -11,13 +11,13 @@ from dataclasses import asdict, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 
 from decmcts.formats.files.fields import Fields, fail, shown
 from decmcts.formats.files.names import in_one_line
 from decmcts.formats.heads.head_dict import (
-    as_file_systems_see,
     head_from,
     head_to_dict,
     limits_from,
@@ -83,18 +83,20 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
     bed.only("min", "max")
     defaults = Machine("", (0.0, 0.0), (0.0, 0.0), ())
     limits = limits_from(given, MotionLimits())
+    low, high = bed.pair("min"), bed.pair("max")
+    across = float(np.subtract(high, low).max())  # that a nozzle gets along either axis
     machine = Machine(
         name=_name(given),
         source=given.text("source", ""),
-        bed_min=bed.pair("min"),
-        bed_max=bed.pair("max"),
+        bed_min=low,
+        bed_max=high,
         bead_width=given.flag("bead_width", defaults.bead_width),
         limits=limits,
         rails=_rails(given),
         release=_release(given),
         words=_words(given),
         **{key: given.size(key, getattr(defaults, key)) for key in _SIZES},
-        heads=tuple(head_from(head, _across(bed), limits) for head in given.tables("heads")),
+        heads=tuple(head_from(head, across, limits) for head in given.tables("heads")),
     )
     check_relations(machine, given)
     return machine
@@ -149,11 +151,6 @@ def _rail(table: Fields) -> Rail:
     return Rail(AXES.index(axis), tuple(map(str, order)), table.size("separation_mm"))
 
 
-def _across(bed: Fields) -> float:
-    """Return how far a nozzle gets along either axis, mm."""
-    return float(np.subtract(bed.pair("max"), bed.pair("min")).max())
-
-
 def check_relations(machine: Machine, given: Fields) -> None:
     """Check what no single value shows: names, rail and parks."""
     if not machine.heads:
@@ -171,7 +168,8 @@ def check_relations(machine: Machine, given: Fields) -> None:
 def _check_names(machine: Machine, given: Fields) -> None:
     known: dict[str, str] = {}
     for i, head in enumerate(machine.heads):
-        name, seen = head.name, as_file_systems_see(head.name)
+        name = head.name
+        seen = normalize("NFC", normalize("NFC", name).casefold())  # as file systems do
         if known.get(seen) == name:
             given.fail(f"heads[{i}].name", f"two heads are named {name!r}")
         if seen in known:

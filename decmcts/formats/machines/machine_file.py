@@ -182,34 +182,17 @@ def _from_json(path: Path) -> Machine:
     return machine_from_json(path, values)
 
 
-def _from_geometries(path: Path, name: str) -> Machine:
-    """Join shapes of PrusaSlicer's file with the bed of our preset of that name, if any."""
-    preset = load_machine(name.lower()) if name.lower() in preset_names() else None
-    return machine_from_geometries(path, name, like=preset)
-
-
 _KIND = "file of printer geometries"
 _KINDS = ("convex", "box")
 _PLAIN = re.compile(r"(?:[\w-]|\.\*?|\(\?[!=]\w*+\))*+")  # other patterns may take for ever
 _MOST_RUNS = 3
 
 
-def machine_from_geometries(path: Path, name: str, *, like: Machine | None = None) -> Machine:
-    """Return the printer of PrusaSlicer's file whose model matches `name`.
+def _from_geometries(path: Path, name: str) -> Machine:
+    """Return the printer of PrusaSlicer's file whose model matches a name.
 
-    Parameters
-    ----------
-    path : Path
-        The JSON file.
-    name : str
-        A printer model, e.g. ``MK4S``; any case.
-    like : Machine | None
-        Where bed and limits come from, if it has one head; the file has none.
-
-    Raises
-    ------
-    InputError
-        For an unreadable file, an unknown model, or shapes that are not convex.
+    Bed and limits, which the file has not, are those of our preset of that name, if it has one
+    head.
     """
     entry = _find(Fields(read_json(path, _KIND), "", path).tables("printers"), name)
     described = {
@@ -219,7 +202,10 @@ def machine_from_geometries(path: Path, name: str, *, like: Machine | None = Non
         "heads": [{"name": "head", "slices": _slices(entry)}],
     }
     machine = machine_from_dict(described, path=path)
-    if like is None or len(like.heads) > 1:
+    if name.lower() not in preset_names():
+        return machine
+    like = load_machine(name.lower())
+    if len(like.heads) > 1:
         return machine
     head = replace(machine.heads[0], park=like.heads[0].park)
     return replace(
@@ -240,17 +226,12 @@ def _find(printers: list[Fields], name: str) -> Fields:
             )
         if any(re.search(pattern, note) for note in notes):
             return printer
-    models = [_model_of(printer.text("printer_notes_regex")) for printer in printers]
+    patterns = [printer.text("printer_notes_regex") for printer in printers]
+    models = [(re.findall(r"MODEL_(\w+)", pattern) or [pattern])[0] for pattern in patterns]
     path = printers[0].path if printers else None
     raise InputError(
         f"no printer matches {name!r}", path=path, advice=f"found: {', '.join(models)}"
     )
-
-
-def _model_of(pattern: str) -> str:
-    """Return the model a pattern names."""
-    found = re.search(r"MODEL_(\w+)", pattern)
-    return found[1] if found else pattern
 
 
 def _slices(printer: Fields) -> list[dict[str, Any]]:

@@ -15,7 +15,6 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.formats.heads.clearances import (
     SETTINGS,
-    Clearances,
     Setting,
     clearance_machine,
     read_clearances,
@@ -58,17 +57,11 @@ def machine_of_text(
             advice="add --machine NAME (`decmcts machines` lists them; `paper` is the box of the "
             f"literature), a profile of your slicer, or measure your head: {PAGE}",
         )
-    return clearance_machine(found, source="clearances in the G-code"), clearance_note(found)
-
-
-def clearance_note(found: Clearances) -> str:
-    """Return one line on a head made of clearances."""
-    doubt = (
-        "; radius and height are the slicer's defaults, so compare them with your printer"
-        if found.unchanged
-        else ""
-    )
-    return f"machine by the file's clearances: {found}{doubt} ({PAGE} shows how to gain more)"
+    note = f"machine by the file's clearances: {found}"
+    if found.unchanged:
+        note += "; radius and height are the slicer's defaults, so compare them with your printer"
+    machine = clearance_machine(found, source="clearances in the G-code")
+    return machine, f"{note} ({PAGE} shows how to gain more)"
 
 
 def comment_settings(

@@ -42,7 +42,6 @@ from decmcts.formats.plans.plan_rows import (
     contours_from_dicts,
     contours_to_dicts,
 )
-from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, Machine, Stands, line_of
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
@@ -174,7 +173,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
         _rules(given.table(_RULES)) if _RULES in given.values else None,
         acceleration_from_dicts(tables, contours),
-        _printed(given, machine),
+        contours_from_dicts(given.tables(_PRINTED), machine) if _PRINTED in given.values else None,
         _fenced(given, machine),
         _print_with(given),
     )
@@ -185,22 +184,13 @@ def is_plan(path: Path) -> bool:
     return path.name.lower().endswith(SUFFIXES)
 
 
-def _printed(given: Fields, machine: Machine) -> Contours | None:
-    """Return what stands on the bed before the plan begins; None: nothing does."""
-    if _PRINTED not in given.values:
-        return None
-    return contours_from_dicts(given.tables(_PRINTED), machine)
-
-
 def _fenced(given: Fields, machine: Machine) -> Fenced | None:
     """Return the heads that stand in the way; None: the plan says none."""
     if _FENCED not in given.values:
         return None
     table = given.table(_FENCED)
     table.only("machine", "at")
-    whole = machine_from_dict(
-        table.need("machine"), where=table.at("machine"), path=given.path
-    )  # fmt: skip
+    whole = machine_from_dict(table.need("machine"), where="fenced.machine", path=given.path)
     places = table.table("at")
     living = {head.name for head in machine.heads}
     known = [head.name for head in whole.heads if head.name not in living]
@@ -276,7 +266,10 @@ def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
     rows = given.items("precedence")
     flat = [v for row in rows if type(row) is list and len(row) == 2 for v in row]
     if len(flat) != 2 * len(rows) or not set(map(type, flat)) <= {int}:
-        bad = next(i for i, row in enumerate(rows) if not _is_pair(row))
+        bad = next(
+            i for i, row in enumerate(rows)
+            if type(row) is not list or list(map(type, row)) != [int, int]
+        )  # fmt: skip
         given.fail(f"precedence[{bad}]", f"expected two contour ids, found {shown(rows[bad])}")
     wrong = next((i for i, v in enumerate(flat) if not 0 <= v < n), None)
     if wrong is not None:
@@ -291,10 +284,6 @@ def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
             "contours are numbered in the order of the source, which keeps every pair",
         )
     return pairs
-
-
-def _is_pair(row: Any) -> bool:
-    return type(row) is list and len(row) == 2 and all(type(v) is int for v in row)
 
 
 def _plan(given: Fields, *, contours_sizes: list[int], version: int) -> JointPlan:

@@ -20,8 +20,6 @@ from typing import Any, NoReturn
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_BYTES
 
-__all__ = ["MAGIC", "is_binary", "pack", "unpack"]
-
 MAGIC = b"GCDE"
 SUFFIX = ".bgcode"
 VERSION = 1
@@ -52,11 +50,6 @@ class BinaryBlock:
     size: int  # of the data unpacked, bytes
     parameters: bytes  # of its kind, before the data
     data: bytes  # as stored
-
-
-def is_binary(raw: bytes) -> bool:
-    """Tell whether bytes are binary G-code, whatever their file is called."""
-    return raw[:4] == MAGIC
 
 
 def unpack(raw: bytes, path: Path | str | None = None) -> bytes:
@@ -159,22 +152,15 @@ def _converted(library: Any, content: bytes, function: str, path: Path | str | N
         finally:
             library.close(target)
             library.close(source)
-        if result != library.EResult.Success:
-            raise _failed(library, result, function, path)
-        return end.read_bytes()
-
-
-def _failed(library: Any, result: Any, function: str, path: Path | str | None) -> InputError:
-    if function == "from_ascii_to_binary":
-        return InputError(
-            f"this G-code cannot be packed as .bgcode ({library.translate_result(result)})",
-            path=path,
-            advice="only PrusaSlicer's can; name a .gcode file",
-        )
-    return InputError(
-        f"damaged binary G-code ({library.translate_result(result)})",
+        if result == library.EResult.Success:
+            return end.read_bytes()
+    why = library.translate_result(result)
+    if function == "from_binary_to_ascii":
+        _damaged(path, why)
+    raise InputError(
+        f"this G-code cannot be packed as .bgcode ({why})",
         path=path,
-        advice="export it again",
+        advice="only PrusaSlicer's can; name a .gcode file",
     )
 
 

@@ -19,11 +19,6 @@ SUFFIX = ".gx"
 _GCODE_AT, _TIME_AT, _HEADER = 24, 28, 58  # bytes
 
 
-def is_flashprint(raw: bytes) -> bool:
-    """Tell whether bytes are a .gx file, whatever it is called."""
-    return raw.startswith(MAGIC)
-
-
 def unpack(raw: bytes, path: Path | str | None = None) -> bytes:
     """Return the G-code behind the header.
 

@@ -12,16 +12,11 @@ import re
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.files.archive import MAGIC, Archive
+from decmcts.formats.files.archive import Archive
 
 SUFFIX = ".3mf"
 _GCODE = re.compile(r"Metadata/plate_([1-9]\d{0,5})\.gcode")
 _SUM = re.compile(rb"[0-9A-Fa-f]{32}")
-
-
-def is_archive(raw: bytes) -> bool:
-    """Tell whether bytes are a zip archive, whatever their file is called."""
-    return raw[:4] == MAGIC
 
 
 def plates_in(raw: bytes, path: Path | str | None = None) -> list[int]:

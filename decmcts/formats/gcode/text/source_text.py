@@ -21,12 +21,16 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
+from decmcts.formats.files import archive
 from decmcts.formats.files.atomic import write_whole
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode.text import binary, flashprint, plates
 
-PACKED_SUFFIXES = (binary.SUFFIX, plates.SUFFIX, flashprint.SUFFIX)
+_PACKED = {  # what such a file begins with, whatever it is called
+    binary.SUFFIX: binary.MAGIC, plates.SUFFIX: archive.MAGIC, flashprint.SUFFIX: flashprint.MAGIC,
+}  # fmt: skip
+PACKED_SUFFIXES = tuple(_PACKED)
 # Both begin with a plain byte, which `re` looks for faster than for the begin of a line.
 _NUMBERED = re.compile(rb"\n[ \t]*[Nn][ \t]*\d+(?:\.\d*)?[ \t]*([^;\r\n]*)")
 _LONE_RETURN = re.compile(rb"\r(?![\r\n]|\Z)")
@@ -58,15 +62,16 @@ def line_with_number(path: Path | str, plate: int | None = None) -> int | None:
 def _text_in(path: Path | str, plate: int | None) -> bytes:
     """Return the text of a file, line for line as it stands there; raises as `load_text`."""
     raw = unpacked(read_bytes(Path(path)), path)
-    if plate is not None and not plates.is_archive(raw):
+    kind = _suffix_of(raw)
+    if plate is not None and kind != plates.SUFFIX:
         raise InputError(
             f"no plate {plate}: only a .gcode.3mf has plates", path=path, advice="leave it out"
         )
-    if binary.is_binary(raw):
+    if kind == binary.SUFFIX:
         raw = binary.unpack(raw, path)
-    elif plates.is_archive(raw):
+    elif kind == plates.SUFFIX:
         raw = plates.unpack(raw, path, plate)
-    elif flashprint.is_flashprint(raw):
+    elif kind == flashprint.SUFFIX:
         raw = flashprint.unpack(raw, path)
     raw = raw.removeprefix(codecs.BOM_UTF8)  # some editors write one, and it commands nothing
     if not raw.strip():
@@ -90,7 +95,7 @@ def has_plates(path: Path) -> bool:
         return True
     try:
         raw = read_bytes(path)
-        return plates.is_archive(raw) and bool(plates.plates_in(raw, path))
+        return _suffix_of(raw) == plates.SUFFIX and bool(plates.plates_in(raw, path))
     except InputError:
         return False
 
@@ -142,7 +147,7 @@ def packed_text(
     in_place = source is not None and source.exists() and out.exists() and out.samefile(source)
     suffix = _suffix_of(old) if in_place else out.suffix.lower()
     if suffix == binary.SUFFIX:
-        return binary.pack(text, like=old if binary.is_binary(old) else None, path=out)
+        return binary.pack(text, like=old if _suffix_of(old) == suffix else None, path=out)
     if suffix in PACKED_SUFFIXES and _suffix_of(old) != suffix:
         raise InputError(
             f"a {suffix} with G-code is only made of another one, for all else that stands in it",
@@ -158,11 +163,7 @@ def packed_text(
 
 def _suffix_of(raw: bytes) -> str:
     """Return the suffix of packed G-code of this kind, and nothing for any other file."""
-    if binary.is_binary(raw):
-        return binary.SUFFIX
-    if plates.is_archive(raw):
-        return plates.SUFFIX
-    return flashprint.SUFFIX if flashprint.is_flashprint(raw) else ""
+    return next((suffix for suffix, begin in _PACKED.items() if raw.startswith(begin)), "")
 
 
 def without_numbers(text: bytes) -> bytes:
@@ -185,15 +186,8 @@ def _without_checksum(code: bytes) -> bytes:
 
 
 def refuse_lone_returns(text: bytes, path: Path | str) -> None:
-    """Refuse a carriage return within a line: some firmwares end the line there, others do not.
-
-    Raises
-    ------
-    InputError
-        With the line it stands in.
-    """
-    found = _LONE_RETURN.search(text)
-    if found is None:
+    """Refuse a carriage return within a line: some firmwares end the line there, others do not."""
+    if (found := _LONE_RETURN.search(text)) is None:
         return
     if b"\n" not in text:
         raise InputError(
@@ -216,15 +210,9 @@ def refuse_odd_blanks(text: bytes, path: Path | str) -> None:
 
     Klipper strips them as blanks and carries out what stands behind; Marlin knows no such command.
     In comments they may stay.
-
-    Raises
-    ------
-    InputError
-        With the line it stands in.
     """
-    if not any(blank in text for blank in _ODD_BLANKS):
-        return
-    if (found := _ODD_BLANK_IN_CODE.search(text)) is None:
+    odd = any(blank in text for blank in _ODD_BLANKS)
+    if not odd or (found := _ODD_BLANK_IN_CODE.search(text)) is None:
         return
     raise InputError(
         f"a control character (0x{text[found.end() - 1]:02x}) in a command: some firmwares take it "
