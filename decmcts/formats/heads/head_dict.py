@@ -76,8 +76,6 @@ def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
 
     Parameters
     ----------
-    table : Fields
-        The mapping, keys as in docs/machine-format.md.
     across_mm : float
         How far a nozzle gets along either axis of the bed.
     usual : MotionLimits

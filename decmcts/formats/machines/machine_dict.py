@@ -17,12 +17,7 @@ import numpy as np
 
 from decmcts.formats.files.fields import Fields, fail, shown
 from decmcts.formats.files.names import in_one_line
-from decmcts.formats.heads.head_dict import (
-    head_from,
-    head_to_dict,
-    limits_from,
-    limits_to_dict,
-)
+from decmcts.formats.heads.head_dict import head_from, head_to_dict, limits_from, limits_to_dict
 from decmcts.print.machine import USUAL_WORDS, Body, Machine, MotionLimits, Rail, Release, SyncWords
 
 _LONGEST_NAME = 200
@@ -63,14 +58,7 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
 def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None = None) -> Machine:
     """Return the machine a mapping describes.
 
-    Parameters
-    ----------
-    values : Any
-        The mapping, keys as in docs/machine-format.md.
-    where : str
-        Its place in the file, put before each key in messages.
-    path : Path | str | None
-        The file, for messages.
+    Its keys are those of docs/machine-format.md; `where` is its place in the file, for messages.
 
     Raises
     ------

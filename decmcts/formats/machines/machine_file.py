@@ -49,14 +49,8 @@ _SLACK_MM = 5.0  # of reach: a head at its end of the bed does not touch the lim
 def rail_machine(pair: Machine, heads: int, length_mm: float | None = None) -> Machine:
     """Return a machine of `heads` heads shaped like those of `pair`, two heads on a rail.
 
-    Parameters
-    ----------
-    pair : Machine
-        Its first head parks left of its bed, its second as far right of it.
-    heads : int
-        How many.
-    length_mm : float | None
-        Of the bed; None: as the presets'.
+    The first of the pair parks left of its bed, the second as far right of it. The bed is
+    `length_mm` long, by default as the presets'.
     """
     (rail,) = pair.rails
     length = length_mm or max(_SHORTEST_BED_MM, _BED_A_HEAD_MM * heads)

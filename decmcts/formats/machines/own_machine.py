@@ -13,12 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.heads.clearances import (
-    SETTINGS,
-    Setting,
-    clearance_machine,
-    read_clearances,
-)
+from decmcts.formats.heads.clearances import SETTINGS, Setting, clearance_machine, read_clearances
 from decmcts.formats.machines.machine_file import load_machine, preset_for_printer
 from decmcts.print.machine import Machine
 
@@ -30,14 +25,7 @@ def machine_of_text(
 ) -> tuple[Machine, str]:
     """Return the machine a G-code text is for, and one line on where it comes from.
 
-    Parameters
-    ----------
-    text : bytes
-        The G-code.
-    path : Path | str | None
-        Its file, for messages.
-    printer : str
-        The slicer's printer model, where known from elsewhere; else the text's counts.
+    The slicer's `printer` model may be known from elsewhere; else the text's counts.
 
     Raises
     ------

@@ -27,13 +27,8 @@ Settings = dict[str, Setting]
 def machine_from_json(path: Path, profile: Mapping[str, Any]) -> Machine:
     """Return the machine of a profile of OrcaSlicer or Bambu Studio.
 
-    Parameters
-    ----------
-    path : Path
-        Its file; the profiles it inherits from are looked for beside it, and where
-        OrcaSlicer and Bambu Studio keep theirs (`system/VENDOR/machine`).
-    profile : Mapping
-        What the file holds.
+    The profiles it inherits from are looked for beside it, and where OrcaSlicer and Bambu Studio
+    keep theirs (`system/VENDOR/machine`).
 
     Raises
     ------

@@ -235,19 +235,17 @@ def actions_from_dicts(
 ) -> HeadActions:
     """Return the actions of one head.
 
+    Points that it waits for are held against the other heads' paths by `check_points`, when these
+    are read.
+
     Parameters
     ----------
-    table : Fields
-        The head's mapping: name and actions.
-    heads : Sequence[str]
-        Names of the plan's heads, in its order.
     counts : Sequence[int]
         Number of actions of each head.
     sizes : Sequence[int]
         Number of points of each contour.
     version : int
-        Of the format: in version 1 an action waits for ends only. Points are held against
-        the other heads' paths by `check_points`, when these are read.
+        Of the format: in version 1 an action waits for ends only.
 
     Raises
     ------

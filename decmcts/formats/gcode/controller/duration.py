@@ -48,7 +48,7 @@ class FileTime:
     seconds: NDArray[np.float64]  # (m,) of each move, firmware retractions counted in
     line: NDArray[np.int64]  # (m,) source line of each move, from 1
     print_s: float = 0.0  # of it, from where the first bead begins until the last one ends
-    retractions: int = 0
+    retractions: int = 0  # however many moves each takes
     over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
     arcs: int = 0  # G2 and G3 that print
 
@@ -78,8 +78,6 @@ def print_time(
         Whether the file's own limits win; M204 always does.
     walls : Walls | None
         Outer walls of the print, to tell how much travel leads over them.
-    plate : int | None
-        Of a .gcode.3mf: whose G-code.
 
     Raises
     ------
@@ -104,11 +102,12 @@ def text_time(
     seconds = program.seconds()
     dwell = sum(dwell_seconds(lines, n) for n in np.flatnonzero(lines.are("G", (40,))).tolist())
     changes = _change_seconds(lines, motion)
+    pulls = np.sign(program.filament[np.abs(program.filament) > STILL_MM])
     over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
     printing = _print_seconds(lines, program, seconds, line) + changes
     return FileTime(
         float(seconds.sum()), dwell, changes, seconds, line, printing,
-        retractions_of(program), over,
+        int((np.diff(pulls, prepend=1.0) < 0.0).sum()), over,
         len(np.unique(motion.arc[(motion.arc != NO_ARC) & (motion.extrusion > 0.0)])),
     )  # fmt: skip
 
@@ -145,12 +144,6 @@ def _beads(program: Program) -> NDArray[np.int64]:
     if len(np.unique(program.points[1:][early][:, :2], axis=0)) < FEW_DOTS:
         given &= ~early
     return np.flatnonzero(beads | given)
-
-
-def retractions_of(program: Program) -> int:
-    """Return how often filament is pulled back, however many moves each time takes."""
-    moved = np.sign(program.filament[np.abs(program.filament) > STILL_MM])
-    return int((np.diff(moved, prepend=1.0) < 0.0).sum())
 
 
 def travel_over(program: Program, walls: Walls) -> float:

@@ -126,12 +126,15 @@ class _StateCollector:
             self.opened = -1
         elif kind == Kind.BARRIER:
             self.stop(event.text, event.slot, line)
-        elif kind == Kind.MODE and _changes(self.motion, line):
-            self.stop("coordinate mode", "", line)
+        elif kind == Kind.MODE and line > 0:
+            modes = self.motion.modes[line - 1 : line + 1, [RELATIVE_XYZ, RELATIVE_E]]
+            if (modes[0] != modes[1]).any():
+                self.stop("coordinate mode", "", line)
 
     def stop(self, reason: str, slot: str, line: int) -> None:
         """Take a barrier, unless it only repeats a temperature, and what it sets."""
-        code = _code(self.lines, line)
+        text = self.lines.raw(line).decode("utf-8", "surrogateescape").split(";", 1)[0]
+        code = " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
         if self.targets.again(code, reason):
             self.repeats.append(line)
             return
@@ -297,17 +300,3 @@ def track_state(lines: Lines, motion: Motion) -> Track:
         np.asarray(collector.sections, np.int64).reshape(-1, 2), repeats, idle,
         frozenset(value for (_, left), value in collector.values.items() if left),
     )  # fmt: skip
-
-
-def _code(lines: Lines, line: int) -> str:
-    """Return the command of a line without comment, line number and checksum."""
-    text = lines.raw(line).decode("utf-8", "surrogateescape").split(";", 1)[0]
-    return " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
-
-
-def _changes(motion: Motion, line: int) -> bool:
-    """Tell whether a G90, G91, M82 or M83 line changed a mode."""
-    if line == 0:
-        return False
-    before, after = motion.modes[line - 1], motion.modes[line]
-    return bool((before[[RELATIVE_XYZ, RELATIVE_E]] != after[[RELATIVE_XYZ, RELATIVE_E]]).any())

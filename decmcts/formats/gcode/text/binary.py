@@ -68,15 +68,9 @@ def unpack(raw: bytes, path: Path | str | None = None) -> bytes:
 def pack(text: bytes, *, like: bytes | None = None, path: Path | str | None = None) -> bytes:
     """Return G-code text as binary G-code.
 
-    Parameters
-    ----------
-    text : bytes
-        In the form of PrusaSlicer, which names itself in the first line.
-    like : bytes | None
-        Binary G-code the text was made from: its metadata and thumbnails are kept as
-        they stand, but for the print times, which come from the text.
-    path : Path | str | None
-        For messages.
+    The text is in the form of PrusaSlicer, which names itself in the first line. Metadata and
+    thumbnails of the binary G-code that it was made from (`like`) are kept as they stand, but for
+    the print times, which come from the text.
 
     Raises
     ------

@@ -22,12 +22,7 @@ from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import commands_of, split_lines
 from decmcts.formats.gcode.writing.emitter import Emitter
-from decmcts.formats.gcode.writing.hot_ends import (
-    OWN,
-    HeatTaken,
-    hot_end_command,
-    selected_by,
-)
+from decmcts.formats.gcode.writing.hot_ends import OWN, HeatTaken, hot_end_command, selected_by
 
 MOVE = re.compile(rb"^\s*G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 FILAMENT = re.compile(rb"^\s*G0*(?:[01](?![0-9.])(?=[^;(]*E)|1[01](?![0-9.])(?![^;(]*L))", re.I)

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,11 +87,7 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
             barred = foreign or filament
     left = {k for k, block in enumerate(document.blocks) if k not in obstacles and _is_own(block)}
     count = sum(_is_change(document.blocks[k]) for k in left)
-    stays = [
-        obstacles[k]
-        for k, block in enumerate(document.blocks)
-        if k in obstacles and _is_change(block)
-    ]
+    stays = [why for k, why in obstacles.items() if _is_change(document.blocks[k])]
     if not count:
         return stays[0]
     freed = _without(job, document, left, {begins[k]: k for k in sorted(left)}, pushed)
@@ -112,8 +108,7 @@ def first_use(job: PrintJob, document: GcodeDocument, tool: int) -> OwnStart | N
     epochs = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
     for k in np.flatnonzero(epochs == first).tolist():
         if _is_change(document.blocks[k]) and document.blocks[k].end.tool == tool:
-            owns = _own_starts(job, document, {first: k})
-            return next((own for own in owns if own.tool == tool), None)
+            return _own_start(document, tool, document.blocks[k])
     return None
 
 
@@ -205,7 +200,12 @@ def _without(
     behind any.
     """
     contours = job.contours
-    own = tuple(_own_starts(job, document, behind))
+    tools, firsts = np.unique(contours.tool, return_index=True)
+    own = tuple(
+        _own_start(document, tool, document.blocks[behind[first]])
+        for tool, first in zip(tools.tolist(), firsts.tolist(), strict=True)
+        if first in behind
+    )
     notes = tuple(_renamed(job.notes, len(document.blocks) - len(left)))
     pushed = {c: pushed[c] for c in behind if c in pushed}
     changes = {c: gap for c, gap in pushed.items() if contours.tool[c] != contours.tool[c - 1]}
@@ -221,24 +221,14 @@ def _without(
     return Freed(replace(job, notes=notes, practices=practices), document)
 
 
-def _own_starts(
-    job: PrintJob, document: GcodeDocument, behind: dict[int, int]
-) -> Iterable[OwnStart]:
-    """Yield what each tool's head is told where the source takes the tool first.
-
-    `behind` has the blocks that are left out by the contour behind each.
-    """
-    for tool in np.unique(job.contours.tool).tolist():
-        first = int(np.argmax(job.contours.tool == tool))
-        if first not in behind:
-            continue
-        block = document.blocks[behind[first]]
-        rows = [row for row in block.text.split(b"\n") if command_of(row)]
-        own = [row for row in rows if classify(row).kind not in HELD]
-        own = [row.rstrip(b"\r") for row in own if not _FACTOR.match(command_of(row))]
-        text = b"".join(row + document.newline for row in own)
-        end = replace(block.end, state=document.start.state, position=document.start.position)
-        yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
+def _own_start(document: GcodeDocument, tool: int, block: Block) -> OwnStart:
+    """Return what a tool's head is told of the block where the source takes the tool first."""
+    rows = [row for row in block.text.split(b"\n") if command_of(row)]
+    own = [row for row in rows if classify(row).kind not in HELD]
+    own = [row.rstrip(b"\r") for row in own if not _FACTOR.match(command_of(row))]
+    text = b"".join(row + document.newline for row in own)
+    end = replace(block.end, state=document.start.state, position=document.start.position)
+    return OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
 
 def _pushed_before(job: PrintJob, moves: Motions, behind: Collection[int]) -> dict[int, Floats]:

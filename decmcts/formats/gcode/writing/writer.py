@@ -55,12 +55,7 @@ def write_gcode(
     the bed; after the last contour the head goes over the print to above where the
     source's postamble begins.
 
-    Parameters
-    ----------
-    out : path or stream
-        A path is written atomically, gzipped if it ends in ``.gz``.
-    header_lines : sequence of str
-        Put at the top as comments.
+    A path is written atomically, gzipped if it ends in ``.gz``.
 
     Raises
     ------
@@ -84,7 +79,9 @@ def write_gcode(
         if kind is ActionKind.WAIT:
             if ahead[k] >= 0:
                 emitter.states.set_travel(first_state(beads, document, actions, ahead[k]))
-            pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
+            emitter.retract()
+            _follow(emitter, path)
+            emitter.dwell(float(actions.end_s[k] - actions.begin_s[k]))
             path = []
         if kind is not ActionKind.PRINT:
             continue
@@ -156,13 +153,6 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     emitter.leave()
     if not block.moves:
         emitter.at = stood
-
-
-def pause(emitter: Emitter, path: list[NDArray[np.float64]], seconds: float) -> None:
-    """Retract, go where the plan waits and stand still there."""
-    emitter.retract()
-    _follow(emitter, path)
-    emitter.dwell(seconds)
 
 
 def print_contour(
