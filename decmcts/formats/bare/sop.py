@@ -85,7 +85,6 @@ def tour_text(*, name: str, order: NDArray[np.int32], cost: float) -> bytes:
 
 
 def _text(source: Path) -> str:
-    """Return the content of a file, unpacked."""
     try:
         return unpacked(read_bytes(source), source).decode("ascii")
     except UnicodeDecodeError as error:
@@ -113,7 +112,6 @@ def _bare(lines: list[str], source: Path) -> tuple[int, int] | None:
 
 
 def _size(text: str, what: str, source: Path, line: int) -> int:
-    """Return a number of nodes, checked."""
     if not text.isdigit() or len(text) > 9 or not 1 <= int(text) <= MOST_NODES:
         raise InputError(
             f"{what} is {text[:20]!r}, expected a number from 1 to {MOST_NODES}",
@@ -142,7 +140,6 @@ def _header(lines: list[str], source: Path) -> tuple[dict[str, tuple[str, int]],
 
 
 def _dimension(header: dict[str, tuple[str, int]], source: Path) -> int:
-    """Return the number of nodes."""
     text, line = header.get("DIMENSION", ("", 0))
     if not line:
         raise InputError("no DIMENSION before the matrix", path=source)

@@ -112,13 +112,10 @@ def read_clearances(
         )
     radius_from = max(radii, key=lambda name: max(radii[name]))
     rod_from = min(rods, key=lambda name: min(rods[name]))
-    bed = _bed(settings, path)
+    low, high = _bed(settings, path) or (None, None)
     return Clearances(
-        max(radii[radius_from]), _nozzle(settings, path), min(rods[rod_from]),
-        None if bed is None else (float(bed[0, 0]), float(bed[0, 1])),
-        None if bed is None else (float(bed[1, 0]), float(bed[1, 1])),
-        _text(settings, "printer_model"),
-        radius_from, rod_from,
+        max(radii[radius_from]), _nozzle(settings, path), min(rods[rod_from]), low, high,
+        _text(settings, "printer_model"), radius_from, rod_from,
     )  # fmt: skip
 
 
@@ -221,8 +218,10 @@ def _nozzle(settings: Mapping[str, Setting], path: Path | str | None) -> float |
     return None if several and not shared else min(heights)
 
 
-def _bed(settings: Mapping[str, Setting], path: Path | str | None) -> NDArray[np.float64] | None:
-    """Return the least and the largest corner of the bed, (2, 2), None where it is not stated."""
+def _bed(
+    settings: Mapping[str, Setting], path: Path | str | None
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return the least and the largest corner of the bed, None where it is not stated."""
     name = next((name for name in BEDS if _text(settings, name)), None)
     if name is None:
         return None
@@ -241,4 +240,5 @@ def _bed(settings: Mapping[str, Setting], path: Path | str | None) -> NDArray[np
             line=line or None,
             advice="set it in the slicer's printer settings, or name the machine with --machine",
         )
-    return box
+    (x0, y0), (x1, y1) = box.tolist()
+    return (x0, y0), (x1, y1)

@@ -201,7 +201,6 @@ def _fenced(given: Fields, machine: Machine) -> Fenced | None:
 
 
 def _stands(places: Fields, name: str) -> Stands:
-    """Return where a head stands."""
     match places.need(name):
         case [[*_], *_] as line:
             rows = points(line, (3,), places.at(name), places.path, most=LARGEST_MM)

@@ -144,7 +144,6 @@ def _count(table: Fields, key: str, end: int = _INT32_END) -> int:
 
 
 def _polyline(table: Fields, number: int) -> NDArray[np.float64]:
-    """Return (k, 3) points of one row."""
     table.only(*_CONTOUR_KEYS, *_PIECE, _ACCELERATION)
     if _count(table, "id") != number:
         table.fail("id", f"{table.need('id')} stands at place {number}", "number from 0 in order")

@@ -61,7 +61,7 @@ class Motion:
     @property
     def tool(self) -> NDArray[np.int64]:
         """The tool in use at each move, (m,)."""
-        return self.modes[self.line, kernels.TOOL].astype(np.int64)
+        return np.asarray(self.modes[self.line, kernels.TOOL], np.int64)
 
     @property
     def withdrawn(self) -> NDArray[np.bool_]:

@@ -128,10 +128,9 @@ def _printed(motion: Motion, track: Track, given: Bools, sure: Bools) -> Bools:
     if not len(track.layer_lines):
         places = np.unique(np.round(motion.points[1:][given & leading], 3), axis=0)
         leading &= len(places) >= FEW_DOTS
-    ends = np.where(before >= 0, above, True) & (behind == m)
+    ends = (before >= 0) & above & (behind == m)
     amid = (before >= 0) & (behind < m) & (above | below) & (fed[a] == fed[b])
-    allowed = amid | leading | (ends & (before >= 0))
-    return np.asarray(allowed & _by_slicer(motion, track))
+    return np.asarray((amid | leading | ends) & _by_slicer(motion, track))
 
 
 def _by_slicer(motion: Motion, track: Track) -> Bools:

@@ -128,7 +128,6 @@ def _ending(parsed: Parsed, document: GcodeDocument) -> Ending:
 
 
 def _print_of(parsed: Parsed, plate: int | None) -> tuple[PrintJob, GcodeDocument]:
-    """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
     edges, one_way = state_edges(parsed)
@@ -189,7 +188,6 @@ def read_motions(path: Path | str, plate: int | None = None) -> Motions:
 
 
 def _motions_of(parsed: Parsed) -> Motions:
-    """Return the moves of a parsed file."""
     motion, contour = parsed.motion, parsed.runs.contour
     width, height = np.zeros(len(contour)), np.zeros(len(contour))
     width[contour >= 0] = parsed.beads.move_width

@@ -287,7 +287,6 @@ def _retimed(block: BinaryBlock, times: dict[bytes, bytes]) -> BinaryBlock:
 
 
 def _stored(block: BinaryBlock) -> bytes:
-    """Return a block as it stands in a file, checksum included."""
     sizes = struct.pack("<HHI", block.kind, block.compression, block.size)
     if block.compression:
         sizes += struct.pack("<I", len(block.data))

@@ -199,7 +199,8 @@ def _check_brackets(lines: Lines) -> None:
     rows = np.unique(np.searchsorted(lines.starts, opened, side="right") - 1)
     for line in rows[lines.letter[rows] == ord("G")].tolist():
         code = lines.raw(line).split(b";", 1)[0]
-        if _opens_again(code):
+        within = code[: max(code.rfind(b")"), 0)].split(b")")
+        if any(b"(" in part.partition(b"(")[2] for part in within):
             raise lines.refuse(
                 line, "a bracket within a bracket: firmwares differ in where such a comment ends",
                 "begin it with a semicolon",
@@ -209,9 +210,3 @@ def _check_brackets(lines: Lines) -> None:
                 line, "a bracket that is not closed hides the rest of the line from some firmwares",
                 "close the comment, or begin it with a semicolon",
             )  # fmt: skip
-
-
-def _opens_again(code: bytes) -> bool:
-    """Tell whether a bracket opens within one that is open and closed later."""
-    end = code.rfind(b")")
-    return any(b"(" in part.partition(b"(")[2] for part in code[: max(end, 0)].split(b")"))

@@ -41,10 +41,7 @@ _ODD_BLANK_IN_CODE = re.compile(rb"^[^;\n\x0b\x0c\x1c-\x1f]*+[\x0b\x0c\x1c-\x1f]
 def load_text(path: Path | str, plate: int | None = None) -> bytes:
     """Return the text of a G-code file, unpacked; what it is shows its content, not its name.
 
-    Parameters
-    ----------
-    plate : int | None
-        Whose G-code of a .gcode.3mf; None: the only one's that has any.
+    Of a .gcode.3mf it is that of a `plate`, of the only one that has any where none is named.
 
     Raises
     ------
@@ -131,10 +128,6 @@ def packed_text(
 
     Parameters
     ----------
-    source : Path | None
-        What it was made of.
-    plate : int | None
-        The plate of a .gcode.3mf it was made of; None: the only one with G-code.
     time_ratio : float
         The time it takes over the time its source takes: a .gx states its time in the header.
 

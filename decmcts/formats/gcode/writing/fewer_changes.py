@@ -166,8 +166,8 @@ def _placed(
     last = int(job.contours.offsets[behind + 1]) - 1
     stood = int(document.point_state[last])
     at = tuple(job.contours.points[last].tolist())
-    slots, rows = document.states.slots, document.states.rows
-    was, now = rows[change.begin.state].tolist(), rows[change.end.state].tolist()
+    slots, states_of = document.states.slots, document.states.rows
+    was, now = (states_of[k].tolist() for k in (change.begin.state, change.end.state))
     sets = {k: now[k] for k, slot in enumerate(slots) if was[k] != now[k] and slot not in DESCRIBES}
     state = states.like(stood, sets)
     begin = _at(change.begin, at, stood, float(job.contours.feed[last]))

@@ -163,7 +163,7 @@ def own_lines(
     tool: int | None,
     *,
     selected: int | None,
-    keep_homing: bool,
+    keep_homing: bool = False,
     relative_e: bool,
     newline: bytes,
     heat_taken: HeatTaken = OWN,

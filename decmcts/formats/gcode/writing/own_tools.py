@@ -210,7 +210,7 @@ def _without(
     pushed = {c: pushed[c] for c in behind if c in pushed}
     changes = {c: gap for c, gap in pushed.items() if contours.tool[c] != contours.tool[c - 1]}
     primes = _primes(job, changes)
-    practices = _practices(job, document, left, primes, _pulled_back(job, changes))
+    practices = _practices(job, document, left, primes, changes)
     owed = document.owed.copy()
     for c, gap in pushed.items():
         extra = primes.get(int(contours.tool[c]), 0.0) if c in changes else 0.0
@@ -263,23 +263,15 @@ def _primes(job: PrintJob, changes: dict[int, Floats]) -> dict[int, float]:
     return found
 
 
-def _pulled_back(job: PrintJob, changes: dict[int, Floats]) -> dict[int, float]:
-    """Return how far, mm, each tool is pulled back at least between two of its contours.
-
-    Of tools that are pulled out of the hot end nothing.
-    """
-    found = dict[int, float]()
-    for c, gap in changes.items():
-        tool = int(job.contours.tool[c])
-        found[tool] = min(found.get(tool, np.inf), float(gap[0] - gap.min()))
-    return {tool: deep for tool, deep in found.items() if PRIMES_MM < deep <= UNLOAD_MM}
-
-
 def _practices(
     job: PrintJob, document: GcodeDocument, left: set[int], primes: dict[int, float],
-    deep: dict[int, float],
+    changes: dict[int, Floats],
 ) -> tuple[tuple[int, Practice], ...]:  # fmt: skip
-    """Return what the source does with each tool at the changes that are left out."""
+    """Return what the source does with each tool at the changes that are left out.
+
+    It is pulled back as far as at the least of them, but for tools that are pulled out of the hot
+    end.
+    """
     found, own = [], heat_taken_by_heads(document, job) == OWN  # else they share one hot end
     for tool in np.unique(job.contours.tool).tolist():
         hot = [
@@ -288,10 +280,12 @@ def _practices(
             if own and (block := document.blocks[k]).begin.tool == tool and _is_change(block)
             if (degrees := _last_stated(block, tool)) is not None and degrees > 0.0
         ]
+        gaps = [gap for c, gap in changes.items() if job.contours.tool[c] == tool]
+        deep = min((float(gap[0] - gap.min()) for gap in gaps), default=0.0)
+        deep = deep if PRIMES_MM < deep <= UNLOAD_MM else 0.0
         practice = Practice(
-            round(deep.get(tool, 0.0), DIGITS), round(primes.get(tool, 0.0), DIGITS),
-            max(hot, default=None),
-        )  # fmt: skip
+            round(deep, DIGITS), round(primes.get(tool, 0.0), DIGITS), max(hot, default=None)
+        )
         if practice != Practice():
             found.append((tool, practice))
     return tuple(found)

@@ -87,7 +87,6 @@ class StateLines:
         return due
 
     def _arrive(self) -> None:
-        """Write what follows the first move of a layer."""
         self._write(self._arrival)
         self._arrival = ()
 

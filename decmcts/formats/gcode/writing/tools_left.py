@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,9 @@ class _Text:
     ) -> None:  # fmt: skip
         self.freed, self.document, self.tool, self.other = freed, document, tool, other
         self.states, self.heat_taken, self.start = _States(freed, other), heat_taken, document.start
+        self._own = partial(
+            own_lines, tool=tool, newline=document.newline, heat_taken=heat_taken
+        )  # fmt: skip
         self.begins = int(freed.job.contours.epoch[first])
         self.own = np.flatnonzero(printed_with(freed.job.contours, other).tool == tool)
 
@@ -92,18 +96,18 @@ class _Text:
         document = self.document
         start = self.start = document.start if own is None else own.end
         preamble = document.preamble + (b"" if own is None else own.text)
-        lines = self._own(preamble, 0, relative_e=False, keep_homing=True)
+        lines = self._own(preamble, selected=0, relative_e=False, keep_homing=True)
         if not start.relative_e:  # what lines that are left out have led E to
             lines += b"G92 E%.5f" % start.e + document.newline
         taken = 0 if own is None else own.line
         blocks = (
             self._block(block) for block in self.freed.document.blocks if block.last_line != taken
         )
-        end, heat_taken = document.end, self.heat_taken
-        heat_taken = heat_taken if heat_taken == "all" else "off"
+        end = document.end
         postamble = self._own(
-            document.postamble, end.tool, relative_e=end.relative_e, heat_taken=heat_taken
-        )
+            document.postamble, selected=end.tool, relative_e=end.relative_e,
+            heat_taken="all" if self.heat_taken == "all" else "off",
+        )  # fmt: skip
         found = replace(
             self.freed.document, preamble=self._selecting(lines), postamble=postamble,
             start=replace(start, tool=self.tool), end=self._end(end),
@@ -124,7 +128,7 @@ class _Text:
             block.text if self.heat_taken == "all" else self._without_heat(block, changes=changes)
         )
         selected = begin.tool if changes else self.other.get(begin.tool, begin.tool)
-        lines = self._own(text, selected, relative_e=begin.relative_e, fed=not changes)
+        lines = self._own(text, selected=selected, relative_e=begin.relative_e, fed=not changes)
         if not commands_of(lines):
             return None
         epochs = self.freed.job.contours.epoch[self.own]
@@ -162,16 +166,6 @@ class _Text:
             if command is None or not (standby or (of_other and command.tool is None)):
                 kept.append(row)
         return b"".join(kept)
-
-    def _own(
-        self, text: bytes, selected: int, *, relative_e: bool, keep_homing: bool = False,
-        heat_taken: HeatTaken | None = None, fed: bool = True,
-    ) -> bytes:  # fmt: skip
-        return own_lines(
-            text, self.tool, selected=selected, fed=fed, keep_homing=keep_homing,
-            relative_e=relative_e, newline=self.document.newline,
-            heat_taken=heat_taken or self.heat_taken,
-        )  # fmt: skip
 
     def _cursor(self, cursor: Cursor, behind: int) -> Cursor:
         """Return where the head's controller stands; `behind` counts its contours above."""

@@ -246,7 +246,6 @@ def _go(emitter: Emitter, path: list[NDArray[np.float64]], begin: Point) -> None
 
 
 def _follow(emitter: Emitter, path: list[NDArray[np.float64]]) -> None:
-    """Follow the planned path if it starts here."""
     way = [tuple(p) for part in path for p in part.tolist()]
     if way and math.dist(way[0], emitter.at) < NEAR_MM:
         emitter.travel(way[1:])
