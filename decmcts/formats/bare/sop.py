@@ -73,7 +73,10 @@ def read_sop(path: Path | str) -> SopInstance:
         n, first = bare
         return _instance(source.name, _matrix(lines, first, n, source))
     header, first = _header(lines, source)
-    n = _dimension(header, source)
+    text, line = header.get("DIMENSION", ("", 0))
+    if not line:
+        raise InputError("no DIMENSION before the matrix", path=source)
+    n = _size(text, "DIMENSION", source, line)
     return _instance(header["NAME"][0] or source.name, _matrix(lines, first, n, source))
 
 
@@ -137,13 +140,6 @@ def _header(lines: list[str], source: Path) -> tuple[dict[str, tuple[str, int]],
     raise InputError(
         "no EDGE_WEIGHT_SECTION", path=source, line=len(lines), advice="give a TSPLIB .sop file"
     )
-
-
-def _dimension(header: dict[str, tuple[str, int]], source: Path) -> int:
-    text, line = header.get("DIMENSION", ("", 0))
-    if not line:
-        raise InputError("no DIMENSION before the matrix", path=source)
-    return _size(text, "DIMENSION", source, line)
 
 
 def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.float64]:

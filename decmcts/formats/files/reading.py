@@ -73,19 +73,19 @@ def read_json(path: Path, kind: str) -> Mapping[str, Any]:
     return values
 
 
-def read_toml(path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
+def read_toml(
+    path: Path, kind: str, *, page: str, content: bytes | None = None
+) -> Mapping[str, Any]:
     """Return what a TOML file says that should be a `kind`, which `page` describes.
+
+    Its `content` may be known already.
 
     Raises
     ------
     InputError
         When it cannot be read or is no TOML, with the line.
     """
-    return parse_toml(read_bytes(path), path, kind, page=page)
-
-
-def parse_toml(content: bytes, path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
-    """Return what a TOML file that holds `content` says; raises InputError as `read_toml`."""
+    content = read_bytes(path) if content is None else content
     with one_line(path, kind):
         try:
             return tomllib.loads(content.decode("utf-8-sig"))

@@ -34,7 +34,7 @@ import shapely
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.fields import Fields, fail, shown
-from decmcts.formats.files.reading import parse_toml, read_bytes, read_json
+from decmcts.formats.files.reading import read_json, read_toml
 from decmcts.formats.heads.clearances import UNKNOWN_BED_MM
 from decmcts.formats.machines.machine_dict import machine_from_dict
 from decmcts.formats.machines.slicer_profile import machine_from_ini, machine_from_json
@@ -128,12 +128,12 @@ def load_machine(name_or_path: str) -> Machine:
         return rail_machine(load_machine("dual-gantry"), _RAILS[name.lower()])
     if name.lower() in preset_names():
         file = f"{name.lower()}.toml"
-        return _from_toml((_presets() / file).read_bytes(), Path(file))
+        return _from_toml(Path(file), (_presets() / file).read_bytes())
     geometries = _GEOMETRIES.match(name)
     if geometries is not None:
         return _from_geometries(Path(geometries["file"]), geometries["name"])
     if name.lower().endswith(".toml"):
-        return _from_toml(read_bytes(Path(name)), Path(name))
+        return _from_toml(Path(name))
     if name.lower().endswith(".json"):
         return _from_json(Path(name))
     if name.lower().endswith(".ini"):
@@ -161,8 +161,8 @@ def _known(name: str) -> str:
     )
 
 
-def _from_toml(content: bytes, path: Path) -> Machine:
-    values = parse_toml(content, path, "machine file", page="docs/machine-format.md")
+def _from_toml(path: Path, content: bytes | None = None) -> Machine:
+    values = read_toml(path, "machine file", page="docs/machine-format.md", content=content)
     return machine_from_dict(values, path=path)
 
 

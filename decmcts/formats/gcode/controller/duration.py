@@ -171,10 +171,7 @@ def file_program(
 ) -> tuple[Program, NDArray[np.int64]]:
     """Return all moves of a file, and the source line (from 1) of each.
 
-    Parameters
-    ----------
-    limits : (n_states, N_LIMITS)
-        In force in each machine state.
+    `limits` are in force in each machine state, (n_states, N_LIMITS).
     """
     turned = np.diff(motion.modes[:, FIRMWARE_RETRACTED], prepend=np.int16(0))
     at = np.flatnonzero(turned)

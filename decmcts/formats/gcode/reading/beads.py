@@ -73,9 +73,11 @@ def measure_beads(motion: Motion, track: Track, runs: Runs, filament_mm: float) 
     step = _steps(shape.level, shape.flat)[ids]
     height = np.where(np.isnan(height) | (height <= 0), step, height)
     width = _stated(track.table, "width")[state]
-    inferred = _width_of(shape, height, filament_mm, ids, len(runs))
-    width = np.where(np.isnan(width) | (width <= 0), inferred, width)
-    width = np.where(shape.flat[ids], width, _round_width(shape, height, filament_mm, ids))
+    own = np.where(
+        shape.flat, _mean_width(shape, height, filament_mm, ids),
+        _round_width(shape, height, filament_mm, ids),
+    )  # fmt: skip
+    width = np.where(shape.flat[ids] & (width > 0.0), width, own[ids])
     roles = np.array([role_of(v) for v in track.table.values], np.int64)
     role = roles[track.table.column("type")][state]
     role = heaviest_label(offsets, shape.length, role, len(Role))
@@ -123,28 +125,24 @@ def _shape_of(
     return _MoveShapes(pushed, length, across, flat, np.where(flat, highest, lowest))
 
 
-def _width_of(
-    shape: _MoveShapes,
-    height: NDArray[np.float64],
-    filament_mm: float,
-    ids: NDArray[np.int64],
-    n: int,
+def _mean_width(
+    shape: _MoveShapes, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return the mean width of each contour across the bed from its filament, per move."""
-    area = np.pi * filament_mm**2 / 4.0
+    """Return the mean width of each contour across the bed from its filament, (n,)."""
+    n, area = len(shape.flat), np.pi * filament_mm**2 / 4.0
     volume = np.bincount(ids, np.where(shape.across, shape.pushed, 0.0), n) * area
     side = np.bincount(ids, np.where(shape.across, shape.length * height, 0.0), n)
     width = np.divide(volume, side, out=np.zeros(n), where=side > 0)
     low, high = WIDTH_LIMITS_MM
     sound = (width >= low) & (width <= high)
     usual = float(np.median(width[sound])) if sound.any() else DEFAULT_WIDTH_MM
-    return np.where(sound, width, usual)[ids]
+    return np.where(sound, width, usual)
 
 
 def _round_width(
     shape: _MoveShapes, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return the diameter of contours that go nowhere across the bed, per move.
+    """Return the diameter of contours that go nowhere across the bed, (n,).
 
     Their filament is a cylinder, from a bead's height below the lowest point up to the
     highest: so high a vertical bead is, and a dot no higher than its bead.
@@ -154,7 +152,7 @@ def _round_width(
     climb = np.bincount(ids, shape.length, n)
     bead = np.bincount(ids, height, n) / np.maximum(np.bincount(ids, minlength=n), 1)
     width = np.sqrt(np.maximum(4.0 * volume / (np.pi * np.where(climb > 0.0, climb, bead)), 0.0))
-    return np.clip(width, WIDTH_LIMITS_MM[0], WIDEST_DOT_MM)[ids]
+    return np.clip(width, WIDTH_LIMITS_MM[0], WIDEST_DOT_MM)
 
 
 def _layers(

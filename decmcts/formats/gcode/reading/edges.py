@@ -39,7 +39,9 @@ def state_edges(parsed: Parsed) -> tuple[Bools, Bools]:
     _mark_first_layer(edge, parsed)
     for k, slot in enumerate(track.table.slots):
         used = np.unique([first[:, k], last[:, k]])
-        if slot in DESCRIBES or slot.startswith(SILENT) or _can_be_left(track, slot, used):
+        ends = [track.table.leave[value] for value in used.tolist() if value != UNSET]
+        can_be_left = slot in BEFORE_TRAVEL and all(ends)  # of an object's or label's values each
+        if slot in DESCRIBES or slot.startswith(SILENT) or can_be_left:
             continue
         sets, grows = _growth(track, used)
         if not grows.any():
@@ -86,12 +88,6 @@ def _mark_dots(edge: Bools, parsed: Parsed) -> None:
     edge[dots[begins]] = True
     behind = dots[np.append(begins[1:], len(dots)) - 1] + 1 if len(dots) else dots
     edge[behind[behind < len(runs)]] = True
-
-
-def _can_be_left(track: Track, slot: str, used: NDArray[np.int32]) -> bool:
-    """Tell whether the source has a command that ends each of an object's or label's values."""
-    table = track.table
-    return slot in BEFORE_TRAVEL and all(table.leave[k] for k in used.tolist() if k != UNSET)
 
 
 def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:

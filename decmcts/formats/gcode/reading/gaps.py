@@ -108,10 +108,7 @@ def _left_by_changes(motion: Motion, gaps: Gaps) -> Bools:
 def unsettled(gaps: Gaps, unknown: Bools) -> Bools:
     """Tell which gaps leave to a macro what they pull or push, (n - 1,).
 
-    Parameters
-    ----------
-    unknown : (n - 1,) bool
-        Gaps with a line of which it is not known what it does to the filament.
+    Of `unknown` ones, (n - 1,), it is not known what a line in them does to the filament.
     """
     usual = float(np.median(gaps.net[~unknown])) if (~unknown).any() else 0.0
     settled = np.abs(gaps.net - (usual if abs(usual) < DEPOSIT_MM else 0.0)) <= SETTLED_MM

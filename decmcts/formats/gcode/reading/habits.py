@@ -246,11 +246,7 @@ def with_bare_travels(
     """Return the settings with the travels inside the part that the source leaves bare.
 
     Their greatest length is learned, and their greatest climb to a next layer; 0 for no such habit.
-
-    Parameters
-    ----------
-    pulled : (n - 1,)
-        Whether the source retracts between a contour and the next.
+    `pulled` says whether the source retracts between a contour and the next, (n - 1,).
     """
     if not pulled.any():
         return settings

@@ -129,7 +129,8 @@ def _ending(parsed: Parsed, document: GcodeDocument) -> Ending:
 
 def _print_of(parsed: Parsed, plate: int | None) -> tuple[PrintJob, GcodeDocument]:
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
-    towers = _towers(parsed)
+    towers = parsed.track.in_section(motion.line[runs.first])  # they keep their place in it
+    towers |= parsed.beads.role == Role.WIPE_TOWER
     edges, one_way = state_edges(parsed)
     gaps = gaps_of(parsed)
     blocks = find_blocks(parsed, gaps, edges=edges, towers=towers)
@@ -212,12 +213,6 @@ def _preamble_end(parsed: Parsed) -> int:
     pushed = float(motion.extrusion[motion.before[top] : runs.first[0]].sum())
     owed = float(motion.extruder[top - 1, 1]) if top else 0.0
     return first if abs(pushed - owed) > PRIMED_MM else top
-
-
-def _towers(parsed: Parsed) -> NDArray[np.bool_]:
-    """Tell which contours belong to a tool change and keep their place in it."""
-    inside = parsed.track.in_section(parsed.motion.line[parsed.runs.first])
-    return np.asarray(inside | (parsed.beads.role == Role.WIPE_TOWER))
 
 
 def _contours(

@@ -298,17 +298,14 @@ class Emitter:
         self.retract_for([self.at, *points])
         for k, to in enumerate(points):
             if to != self.at:
-                self.move(to, self._travel_feed(to))
+                upright = to[0] == self.at[0] and to[1] == self.at[1]
+                self.move(to, (upright and self.settings.z_feed) or self.travel_feed)
             if passed and k in passed:
                 self.emit(passed[k])
 
     def dwell(self, seconds: float, mark: str = WAIT_MARK) -> None:
         """Stand still; `mark` says what for."""
         self.emit(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {mark}")
-
-    def _travel_feed(self, to: Point) -> float:
-        upright = to[0] == self.at[0] and to[1] == self.at[1]
-        return (self.settings.z_feed or self.travel_feed) if upright else self.travel_feed
 
     def approach(self, to: Point) -> None:
         """Go to the first bead: up, across, down.

@@ -10,7 +10,6 @@ What is retracted behind such lines is counted anew, by the E words that are lef
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -110,12 +109,14 @@ class OwnFilament:
 
         E is in mm³ where it is volumetric.
         """
-        for value, sets in _e_words(text, relative_e):
-            if sets:
-                e = value
-                continue
-            to = e + value if sets is None else value
-            owed, e = max(0.0, owed - (to - e) / (self.document.e_area or 1.0)), to
+        for line in text.splitlines():
+            relative_e = relative_after(line, relative_e)
+            word = E_WORD.match(line)
+            if word and _SETS_E.match(line):
+                e = float(word[1])
+            elif word and FILAMENT.match(line):
+                to = float(word[1]) + (e if relative_e else 0.0)
+                owed, e = max(0.0, owed - (to - e) / (self.document.e_area or 1.0)), to
         return owed
 
 
@@ -145,17 +146,6 @@ def relative_after(line: bytes, relative_e: bool) -> bool:
     """Return how E counts after a line: M82, M83 and, as in Marlin, G90 and G91 say so."""
     mode = _E_MODE.match(line)
     return relative_e if mode is None else mode.group(1).upper() in (b"M83", b"G91")
-
-
-def _e_words(text: bytes, relative_e: bool) -> Iterator[tuple[float, bool | None]]:
-    """Yield each E word: (where E is set, True), (where it goes, False), (by how much, None)."""
-    for line in text.splitlines():
-        relative_e = relative_after(line, relative_e)
-        word = E_WORD.match(line)
-        if word and _SETS_E.match(line):
-            yield float(word.group(1)), True
-        elif word and FILAMENT.match(line):
-            yield float(word.group(1)), None if relative_e else False
 
 
 def own_lines(

@@ -206,7 +206,9 @@ def _without(
         for tool, first in zip(tools.tolist(), firsts.tolist(), strict=True)
         if first in behind
     )
-    notes = tuple(_renamed(job.notes, len(document.blocks) - len(left)))
+    notes = [note for note in job.notes if not _PLACES.match(note)]
+    if places := len(document.blocks) - len(left):
+        notes.append(f"{places} place{'s' * (places != 1)} nothing is moved across")
     pushed = {c: pushed[c] for c in behind if c in pushed}
     changes = {c: gap for c, gap in pushed.items() if contours.tool[c] != contours.tool[c - 1]}
     primes = _primes(job, changes)
@@ -218,7 +220,7 @@ def _without(
     owed.setflags(write=False)
     job, document = without_blocks(job, document, left)
     document = replace(document, own_starts=own, owed=owed)
-    return Freed(replace(job, notes=notes, practices=practices), document)
+    return Freed(replace(job, notes=tuple(notes), practices=practices), document)
 
 
 def _own_start(document: GcodeDocument, tool: int, block: Block) -> OwnStart:
@@ -296,10 +298,3 @@ def _last_stated(block: Block, tool: int) -> float | None:
     commands = b"\n".join(commands_of(block.text))
     given = [each for each in hot_end_commands_in(commands, block.begin.tool) if each.tool == tool]
     return given[-1].command.degrees if given else None
-
-
-def _renamed(notes: tuple[str, ...], places: int) -> list[str]:
-    """Return the notes with another number of places nothing is moved across."""
-    rest = [note for note in notes if not _PLACES.match(note)]
-    text = f"{places} place{'s' * (places != 1)} nothing is moved across"
-    return [*rest, text] if places else rest

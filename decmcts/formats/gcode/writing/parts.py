@@ -116,11 +116,6 @@ def cut_document(
     return replace(document, point_state=document.point_state[row], owed=owed, point_arc=arc)
 
 
-def uncut_segments(document: GcodeDocument) -> NDArray[np.bool_]:
-    """Tell which segments may be cut at their ends alone, (n_points,): chords of arcs."""
-    return np.asarray(document.point_arc != NO_ARC)
-
-
 def has_stiff_arc(document: GcodeDocument, contours: Contours) -> NDArray[np.bool_]:
     """Tell which contours have an arc that does not read back as the same chords once cut, (n,)."""
     arcs = document.point_arc

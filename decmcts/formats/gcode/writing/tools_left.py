@@ -113,7 +113,8 @@ class _Text:
             start=replace(start, tool=self.tool), end=self._end(end),
             blocks=tuple(block for block in blocks if block is not None), own_starts=(),
         )  # fmt: skip
-        return self.states.put_into(found)
+        states = self.states  # all of them are known only now
+        return replace(found, states=states.more.table(), point_state=states.point_state)
 
     def _end(self, end: Cursor) -> Cursor:
         """Return where the head's controller stands below its last bead."""
@@ -189,7 +190,7 @@ class _States:
 
     def __init__(self, freed: Freed, other: Mapping[int, int]) -> None:
         document, self.contours = freed.document, freed.job.contours
-        self.point_state, self._states = document.point_state.copy(), MoreStates(document.states)
+        self.point_state, self.more = document.point_state.copy(), MoreStates(document.states)
         slots = document.states.slots
         self._its = [k for k, s in enumerate(slots) if s.startswith("fan") or s in OF_TOOL]
         owner = np.repeat(np.arange(len(self.contours)), np.diff(self.contours.offsets))
@@ -204,16 +205,12 @@ class _States:
 
     def of(self, state: int, model: int) -> int:
         """Return the state that is like one, but for what goes with a tool: that is the model's."""
-        row = self._states.rows[model]
-        return self._states.like(state, {k: row[k] for k in self._its})
+        row = self.more.rows[model]
+        return self.more.like(state, {k: row[k] for k in self._its})
 
     def begins(self, contour: int) -> int:
         """Return the state in which a contour begins."""
         return int(self.point_state[self.contours.offsets[contour] + 1])
-
-    def put_into(self, document: GcodeDocument) -> GcodeDocument:
-        """Return a document with these states."""
-        return replace(document, states=self._states.table(), point_state=self.point_state)
 
 
 def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:
