@@ -26,21 +26,11 @@ _LARGEST = 1e9  # beyond any machine; its square is far from overflow
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """One mapping of a file and where it stands there.
-
-    Parameters
-    ----------
-    values : Mapping
-        The mapping itself.
-    where : str
-        Its place, e.g. ``heads[1]``; empty for the top level.
-    path : Path | str | None
-        The file, for error messages.
-    """
+    """One mapping of a file and where it stands there."""
 
     values: Mapping[str, Any]
-    where: str = ""
-    path: Path | str | None = None
+    where: str = ""  # e.g. ``heads[1]``; empty for the top level
+    path: Path | str | None = None  # for messages
 
     @staticmethod
     def of(value: Any, where: str, path: Path | str | None) -> Fields:

@@ -17,18 +17,17 @@ from decmcts.formats.gcode.controller.held import Targets, WordsInForce, target_
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import LAST_TOOL, RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.dialects.dialect import (
+    BY_NAME,
     CANONICAL,
     OF_TOOL,
     Kind,
     LineMeaning,
     classify,
-    trailing_role,
     with_note,
     without_brackets,
 )
 from decmcts.formats.gcode.document import UNSET, StateTable
 from decmcts.formats.gcode.text.lines import EXPONENT, Lines
-from decmcts.print.contours import Role
 
 _TYPED = re.compile(rb"^;\s*(TYPE|FEATURE):", re.M)
 _NEXT_LAYER = re.compile(r"; move to next layer \((\d+)\)")
@@ -160,7 +159,8 @@ class _StateCollector:
         """Take role and layer from the comment behind a move, as if written above it."""
         lines = self.lines
         comment = lines.text[lines.comment[line] : lines.ends[line]].decode("utf-8", "replace")
-        if (role := trailing_role(comment)) != Role.UNKNOWN:
+        role = BY_NAME.get(comment.lstrip("; ").strip().lower())  # Slic3r's ``--gcode-comments``
+        if role:
             self.set_slot("type", f";TYPE:{CANONICAL[role]}", line - 1)
         elif match := _NEXT_LAYER.match(comment):
             self.layers.append(line)

@@ -95,11 +95,6 @@ def role_of(text: str) -> Role:
     return BY_NAME.get(_name(text.lstrip("; (").rstrip(") ")), Role.UNKNOWN)
 
 
-def trailing_role(comment: str) -> Role:
-    """Return the role a comment behind a move names (Slic3r's ``--gcode-comments``)."""
-    return BY_NAME.get(comment.lstrip("; ").strip().lower(), Role.UNKNOWN)
-
-
 class Kind(IntEnum):
     """What a line does to the print."""
 

@@ -159,7 +159,7 @@ def _layers(
     motion: Motion, track: Track, runs: Runs, level: NDArray[np.float64]
 ) -> NDArray[np.int32]:
     """Return the layer of each contour: markers above it, else its level."""
-    which = np.round(level, 4)
     if len(track.layer_lines):
-        which = np.searchsorted(track.layer_lines, motion.line[runs.first])
-    return np.unique(which, return_inverse=True)[1].astype(np.int32)
+        above = np.searchsorted(track.layer_lines, motion.line[runs.first])
+        return np.unique(above, return_inverse=True)[1].astype(np.int32)
+    return np.unique(np.round(level, 4), return_inverse=True)[1].astype(np.int32)

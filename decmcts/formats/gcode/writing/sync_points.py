@@ -110,14 +110,9 @@ def _due(plan: JointPlan, place: Place) -> tuple[float, int, int, bool, int]:
 
 
 class HeadWaits:
-    """Writes the waits, dwells and signals of one head.
+    """Writes the waits, dwells and signals of one head, counted from 0 in the plan.
 
-    Parameters
-    ----------
-    head : int
-        Its place in the plan.
-    apart_s : float
-        How long it stands before a signal at rest that is too near to the one before.
+    It stands `apart_s` before a signal at rest that is too near to the one before.
     """
 
     def __init__(

@@ -175,10 +175,10 @@ def print_contour(
     commands = passed or {}
     plain = beads.plain[contour] and not entry and not commands
     way = None if plain else traversal(beads.job.contours, contour, entry)
+    step = -1 if is_reversed else 1
     if way is None:
-        points, state = beads.points(contour, is_reversed=is_reversed), beads.state[contour]
+        points, state = beads.job.contours.polyline(contour)[::step], beads.state[contour]
     else:
-        step = -1 if is_reversed else 1
         points = way.points[::step]
         state = int(emitter.document.point_state[way.rows[1:]][::step][0])
     begin: Point = tuple(points[0].tolist())
