@@ -30,10 +30,7 @@ BEGIN_BYTES = 80  # of a file's name, which that of its draft begins with: it is
 def write_whole(path: Path | str, content: bytes) -> None:
     """Write a file wholly or not at all.
 
-    Raises
-    ------
-    InputError
-        When it cannot be written; what was there before is untouched.
+    Raises InputError when it cannot be written; what was there before is untouched.
     """
     write_all([(path, content)])
 
@@ -45,10 +42,8 @@ def write_all(files: Sequence[tuple[Path | str, bytes]]) -> None:
     be put in place, those before it go back to what they were. Only a kill between two renames
     leaves some of either kind.
 
-    Raises
-    ------
-    InputError
-        When one of them cannot be written, which is named; what was there before is untouched.
+    Raises InputError when one of them cannot be written, which is named; what was there before is
+    untouched.
     """
     staged, replaced = list[_Staged](), list[_Staged]()
     path: Path | str = ""

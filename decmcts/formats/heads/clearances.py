@@ -96,10 +96,7 @@ def read_clearances(
     Of several values (one an extruder) the one that takes most room counts. A nozzle's
     height counts for a head of one nozzle only: of several the others may be as low.
 
-    Raises
-    ------
-    InputError
-        For a value that can't be, or one of the two without the other.
+    Raises InputError for a value that can't be, or one of the two without the other.
     """
     radii = _lengths(settings, RADII, path)
     rods = _lengths(settings, RODS, path)

@@ -60,10 +60,7 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
 
     Its keys are those of docs/machine-format.md; `where` is its place in the file, for messages.
 
-    Raises
-    ------
-    InputError
-        For anything missing, unknown, of the wrong type or impossible.
+    Raises InputError for anything missing, unknown, of the wrong type or impossible.
     """
     given = Fields.of(values, where, path)
     given.only(*_MACHINE_KEYS)

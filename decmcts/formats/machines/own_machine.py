@@ -27,10 +27,8 @@ def machine_of_text(
 
     The slicer's `printer` model may be known from elsewhere; else the text's counts.
 
-    Raises
-    ------
-    InputError
-        When it names no printer we know and states no clearances, or some that can't be.
+    Raises InputError when it names no printer we know and states no clearances, or some that can't
+    be.
     """
     settings = comment_settings(text, SETTINGS, path)
     printer = printer or (settings["printer_model"].text if "printer_model" in settings else "")
@@ -57,10 +55,7 @@ def comment_settings(
 ) -> dict[str, Setting]:
     """Return the settings of these names in a G-code text.
 
-    Raises
-    ------
-    InputError
-        When one of them stands there twice with different values.
+    Raises InputError when one of them stands there twice with different values.
     """
     wanted = b"|".join(re.escape(name.encode()) for name in sorted(names))
     found: dict[str, Setting] = {}

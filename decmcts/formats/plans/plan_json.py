@@ -64,10 +64,7 @@ _TOOL = re.compile(r"[0-9]{1,5}", re.ASCII)
 def write_plan(document: PlanDocument, path: Path | str) -> None:
     """Write a plan, gzipped when the name ends in ``.gz``; all of it or nothing.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be written, or a number of the plan is not finite.
+    Raises InputError when the file cannot be written, or a number of the plan is not finite.
     """
     text = io.BytesIO()
     try:
@@ -145,11 +142,8 @@ def _plain(value: Any) -> Any:
 def read_plan(path: Path | str) -> PlanDocument:
     """Read a plan, gzipped or not.
 
-    Raises
-    ------
-    InputError
-        Naming the place, e.g. ``heads[1].actions[17].after[0]: ...``, for
-        anything that is not of the format.
+    Raises InputError naming the place, e.g. ``heads[1].actions[17].after[0]: ...``, for anything
+    that is not of the format.
     """
     source = Path(path)
     given = Fields.of(_parse(source), "", source)

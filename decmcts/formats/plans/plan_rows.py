@@ -121,10 +121,7 @@ def _along(tables: list[Fields], sizes: list[int]) -> NDArray[np.float64]:
 def acceleration_from_dicts(tables: list[Fields], contours: Contours) -> NDArray[np.float64] | None:
     """Return the accelerations of the rows as `PlanDocument` has them, None if none has any.
 
-    Raises
-    ------
-    InputError
-        When some contours state theirs and others do not, or a value is wrong.
+    Raises InputError when some contours state theirs and others do not, or a value is wrong.
     """
     stated = [_ACCELERATION in table.values for table in tables]
     if not any(stated):
@@ -334,10 +331,7 @@ def _after(
 def check_points(tables: Sequence[Fields], all_actions: Sequence[HeadActions]) -> None:
     """Refuse waits for points that the other heads' paths do not have.
 
-    Raises
-    ------
-    InputError
-        Naming the first wrong place.
+    Raises InputError naming the first wrong place.
     """
     for table, actions in zip(tables, all_actions, strict=True):
         for row in np.flatnonzero(actions.after_point != ACTION_END).tolist():

@@ -73,11 +73,8 @@ class Motion:
 def interpret(lines: Lines) -> Motion:
     """Return what the lines do.
 
-    Raises
-    ------
-    InputError
-        On inches, an arc without a centre, a polar or rotated frame, a fourth axis, or several
-        motion systems.
+    Raises InputError on inches, an arc without a centre, a polar or rotated frame, a fourth axis,
+    or several motion systems.
     """
     _refuse_second_commands(lines)
     _refuse_systems(lines)

@@ -275,11 +275,8 @@ class _StateCollector:
 def track_state(lines: Lines, motion: Motion) -> Track:
     """Return the machine state and the barriers of a file.
 
-    Raises
-    ------
-    InputError
-        At a line with a number that is read in different ways, and where more is set than any
-        machine has.
+    Raises InputError at a line with a number that is read in different ways, and where more is set
+    than any machine has.
     """
     collector = _StateCollector(lines, motion)
     known = cache(classify)  # most lines say what others said

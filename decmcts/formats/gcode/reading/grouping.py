@@ -158,10 +158,7 @@ class Runs:
 def find_runs(lines: Lines, motion: Motion, track: Track) -> Runs:
     """Return the contours of the print.
 
-    Raises
-    ------
-    InputError
-        When nothing is extruded.
+    Raises InputError when nothing is extruded.
     """
     body = _first_line(lines, motion, track)
     first = int(motion.before[body])
@@ -204,10 +201,7 @@ def _first_line(lines: Lines, motion: Motion, track: Track) -> int:
 def refuse_unsafe(lines: Lines, motion: Motion, runs: Runs) -> None:
     """Refuse what cannot be put in another order safely.
 
-    Raises
-    ------
-    InputError
-        When the print extrudes in relative coordinates or sets X, Y or Z anew.
+    Raises InputError when the print extrudes in relative coordinates or sets X, Y or Z anew.
     """
     lays, inside = np.zeros(len(lines), np.bool_), np.zeros(len(lines), np.bool_)
     lays[motion.line[runs.contour >= 0]] = True

@@ -85,11 +85,8 @@ def read_gcode(
     Contours have chords at most 0.005 mm from an arc; the document keeps the arcs.
     Extrusions above the first layer marker (purge lines) belong to the preamble.
 
-    Raises
-    ------
-    InputError
-        When the file is damaged, or holds something that cannot be put in
-        another order safely; the message names the line.
+    Raises InputError when the file is damaged, or holds something that cannot be put in another
+    order safely; the message names the line.
     """
     job, document = _print_of(_parse(path, plate, text), plate)
     return job, document if text is None else replace(document, text=text)
@@ -100,10 +97,8 @@ def read_written(
 ) -> tuple[PrintJob, GcodeDocument, Motions, Ending]:
     """Read a file made from `document`, its moves, and what it leaves to the end code, at once.
 
-    Raises
-    ------
-    InputError
-        As `read_gcode`, and when the file does not end with the end G-code of `document`.
+    Raises InputError as `read_gcode`, and when the file does not end with the end G-code of
+    `document`.
     """
     parsed = _parse(path, plate)
     ending = _ending(parsed, document)
@@ -180,10 +175,7 @@ def _refills(parsed: Parsed, blocks: Blocks) -> tuple[int, ...]:
 def read_motions(path: Path | str, plate: int | None = None) -> Motions:
     """Read every move of a G-code file, the start and the end included.
 
-    Raises
-    ------
-    InputError
-        As `read_gcode`.
+    Raises InputError as `read_gcode`.
     """
     return _motions_of(_parse(path, plate))
 

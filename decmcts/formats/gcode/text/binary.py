@@ -55,10 +55,7 @@ class BinaryBlock:
 def unpack(raw: bytes, path: Path | str | None = None) -> bytes:
     """Return the text of binary G-code: header, thumbnails and settings as comments.
 
-    Raises
-    ------
-    InputError
-        When it is damaged or too large, or the extra is not installed.
+    Raises InputError when it is damaged or too large, or the extra is not installed.
     """
     library = _library(path)
     read_blocks(raw, path)
@@ -72,10 +69,7 @@ def pack(text: bytes, *, like: bytes | None = None, path: Path | str | None = No
     thumbnails of the binary G-code that it was made from (`like`) are kept as they stand, but for
     the print times, which come from the text.
 
-    Raises
-    ------
-    InputError
-        When the text is no slicer's, or the extra is not installed.
+    Raises InputError when the text is no slicer's, or the extra is not installed.
     """
     packed = _converted(_library(path), _marked(text), "from_ascii_to_binary", path)
     if like is not None:
@@ -163,10 +157,8 @@ def read_blocks(
 ) -> list[BinaryBlock]:
     """Return the blocks of binary G-code, checked.
 
-    Raises
-    ------
-    InputError
-        For another version, a cut or changed file, or a text of more than `largest` bytes.
+    Raises InputError for another version, a cut or changed file, or a text of more than `largest`
+    bytes.
     """
     if len(raw) < 10:
         _damaged(path, "it ends within its header")

@@ -132,11 +132,8 @@ class Lines:
 def split_lines(text: bytes, path: Path | str) -> Lines:
     """Scan a text into lines.
 
-    Raises
-    ------
-    InputError
-        At the first line that is damaged: a parameter without a number, a
-        number out of range, an axis that is none of ours.
+    Raises InputError at the first line that is damaged: a parameter without a number, a number out
+    of range, an axis that is none of ours.
     """
     raw = np.frombuffer(text, np.uint8)
     breaks = np.flatnonzero(raw == 10).astype(np.int64)

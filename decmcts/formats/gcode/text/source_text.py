@@ -43,10 +43,8 @@ def load_text(path: Path | str, plate: int | None = None) -> bytes:
 
     Of a .gcode.3mf it is that of a `plate`, of the only one that has any where none is named.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be read, is empty, damaged or no G-code at all, or has no such plate.
+    Raises InputError when the file cannot be read, is empty, damaged or no G-code at all, or has
+    no such plate.
     """
     return without_numbers(_text_in(path, plate))
 
@@ -100,10 +98,7 @@ def has_plates(path: Path) -> bool:
 def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
     """Write `text` to a path (atomically; .gz and .bgcode packed) or to a stream.
 
-    Raises
-    ------
-    InputError
-        When it cannot be packed or written; what was there before is untouched.
+    Raises InputError when it cannot be packed or written; what was there before is untouched.
     """
     if isinstance(out, io.TextIOBase):
         out.write(text.decode("utf-8", "surrogateescape"))

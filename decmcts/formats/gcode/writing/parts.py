@@ -51,11 +51,8 @@ def with_stretches(
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return the source with these stretches and nothing else.
 
-    Raises
-    ------
-    InputError
-        Where lines that stay move the head by themselves: they would do so once more, through
-        what is printed.
+    Raises InputError where lines that stay move the head by themselves: they would do so once
+    more, through what is printed.
     """
     stretches = [_in_words(stretch, document) for stretch in stretches]
     contours = contours_of(job.contours, stretches)

@@ -57,10 +57,7 @@ def write_gcode(
 
     A path is written atomically, gzipped if it ends in ``.gz``.
 
-    Raises
-    ------
-    InputError
-        When a contour is missing or doubled, or `out` cannot be written.
+    Raises InputError when a contour is missing or doubled, or `out` cannot be written.
     """
     _check_once(job, actions, document)
     emitter = Emitter(document, job.settings, walls_for(job))
