@@ -169,7 +169,6 @@ def _json(source: Path) -> Any:
 
 
 def _problem(fields: Fields, name: str) -> QcspProblem:
-    """Return the problem of one mapping, checked."""
     fields.only(*_KEYS)
     duration, bay = _row(fields, "p"), _bays(fields, "l")
     ready, start = _row(fields, "r"), _bays(fields, "l0")
@@ -191,12 +190,10 @@ def _problem(fields: Fields, name: str) -> QcspProblem:
 
 
 def _row(fields: Fields, key: str) -> NDArray[np.float64]:
-    """Return a list of times."""
     return numbers(fields.items(key), fields.at(key), fields.path, least=0.0, most=MOST_TIME)
 
 
 def _bays(fields: Fields, key: str) -> NDArray[np.int32]:
-    """Return a list of bays."""
     bays = fields.items(key)
     for k, bay in enumerate(bays):
         if type(bay) is not int or not 1 <= bay <= MOST_BAYS:

@@ -73,7 +73,10 @@ def read_sop(path: Path | str) -> SopInstance:
         n, first = bare
         return _instance(source.name, _matrix(lines, first, n, source))
     header, first = _header(lines, source)
-    n = _dimension(header, source)
+    text, line = header.get("DIMENSION", ("", 0))
+    if not line:
+        raise InputError("no DIMENSION before the matrix", path=source)
+    n = _size(text, "DIMENSION", source, line)
     return _instance(header["NAME"][0] or source.name, _matrix(lines, first, n, source))
 
 
@@ -85,7 +88,6 @@ def tour_text(*, name: str, order: NDArray[np.int32], cost: float) -> bytes:
 
 
 def _text(source: Path) -> str:
-    """Return the content of a file, unpacked."""
     try:
         return unpacked(read_bytes(source), source).decode("ascii")
     except UnicodeDecodeError as error:
@@ -113,7 +115,6 @@ def _bare(lines: list[str], source: Path) -> tuple[int, int] | None:
 
 
 def _size(text: str, what: str, source: Path, line: int) -> int:
-    """Return a number of nodes, checked."""
     if not text.isdigit() or len(text) > 9 or not 1 <= int(text) <= MOST_NODES:
         raise InputError(
             f"{what} is {text[:20]!r}, expected a number from 1 to {MOST_NODES}",
@@ -139,14 +140,6 @@ def _header(lines: list[str], source: Path) -> tuple[dict[str, tuple[str, int]],
     raise InputError(
         "no EDGE_WEIGHT_SECTION", path=source, line=len(lines), advice="give a TSPLIB .sop file"
     )
-
-
-def _dimension(header: dict[str, tuple[str, int]], source: Path) -> int:
-    """Return the number of nodes."""
-    text, line = header.get("DIMENSION", ("", 0))
-    if not line:
-        raise InputError("no DIMENSION before the matrix", path=source)
-    return _size(text, "DIMENSION", source, line)
 
 
 def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.float64]:

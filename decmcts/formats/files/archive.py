@@ -30,11 +30,8 @@ _DAMAGED = (  # what `zipfile` raises
 class Archive:
     """A zip archive of a file's bytes; the path is for messages.
 
-    Raises
-    ------
-    InputError
-        When it is damaged, two members share a name or a byte, or all together unpack to more
-        than any print.
+    Raises InputError when it is damaged, two members share a name or a byte, or all together
+    unpack to more than any print.
     """
 
     def __init__(self, raw: bytes, path: Path | str | None = None) -> None:

@@ -30,10 +30,7 @@ BEGIN_BYTES = 80  # of a file's name, which that of its draft begins with: it is
 def write_whole(path: Path | str, content: bytes) -> None:
     """Write a file wholly or not at all.
 
-    Raises
-    ------
-    InputError
-        When it cannot be written; what was there before is untouched.
+    Raises InputError when it cannot be written; what was there before is untouched.
     """
     write_all([(path, content)])
 
@@ -45,10 +42,8 @@ def write_all(files: Sequence[tuple[Path | str, bytes]]) -> None:
     be put in place, those before it go back to what they were. Only a kill between two renames
     leaves some of either kind.
 
-    Raises
-    ------
-    InputError
-        When one of them cannot be written, which is named; what was there before is untouched.
+    Raises InputError when one of them cannot be written, which is named; what was there before is
+    untouched.
     """
     staged, replaced = list[_Staged](), list[_Staged]()
     path: Path | str = ""
@@ -64,8 +59,9 @@ def write_all(files: Sequence[tuple[Path | str, bytes]]) -> None:
     except BaseException as error:
         for each in reversed(replaced):
             each.put_back()
-        if isinstance(error, OSError | RuntimeError):  # RuntimeError: links in a circle
-            raise _unwritable(path, error) from error
+        if isinstance(error, OSError | RuntimeError):
+            why = error.strerror if isinstance(error, OSError) else "a link that leads to itself"
+            raise InputError(f"cannot be written ({why})", path=path) from error
         raise
     finally:
         for each in staged:
@@ -151,11 +147,6 @@ def refuse_long_name(path: Path) -> None:
             f"the name has {size} bytes, at most {most} are possible here", path=path,
             advice="name a shorter one",
         )  # fmt: skip
-
-
-def _unwritable(path: Path | str, error: Exception) -> InputError:
-    reason = error.strerror if isinstance(error, OSError) else "a link that leads to itself"
-    return InputError(f"cannot be written ({reason})", path=path)
 
 
 def _mode(path: Path) -> int:

@@ -48,10 +48,7 @@ def unpacked(raw: bytes, path: Path | str, *, free: int = UNPACKED_FREE) -> byte
 
     Any may hold `free` bytes, a larger one in proportion to its size.
 
-    Raises
-    ------
-    InputError
-        When the data is damaged or unpacks to more than any honest file holds.
+    Raises InputError when the data is damaged or unpacks to more than any honest file holds.
     """
     if not raw.startswith(_GZIP_MAGIC):
         return raw

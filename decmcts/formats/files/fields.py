@@ -26,21 +26,11 @@ _LARGEST = 1e9  # beyond any machine; its square is far from overflow
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """One mapping of a file and where it stands there.
-
-    Parameters
-    ----------
-    values : Mapping
-        The mapping itself.
-    where : str
-        Its place, e.g. ``heads[1]``; empty for the top level.
-    path : Path | str | None
-        The file, for error messages.
-    """
+    """One mapping of a file and where it stands there."""
 
     values: Mapping[str, Any]
-    where: str = ""
-    path: Path | str | None = None
+    where: str = ""  # e.g. ``heads[1]``; empty for the top level
+    path: Path | str | None = None  # for messages
 
     @staticmethod
     def of(value: Any, where: str, path: Path | str | None) -> Fields:
@@ -180,12 +170,10 @@ def numbers(
     most: float = _LARGEST,
 ) -> NDArray[np.float64]:
     """Return (k,) float64 from a list of finite numbers, or raise InputError."""
-    if not isinstance(flat, list) or not set(map(type, flat)) <= _NUMBERS:
-        bad = (
-            next((v for v in flat if type(v) not in _NUMBERS), flat)
-            if isinstance(flat, list)
-            else flat
-        )
+    if not isinstance(flat, list):
+        fail(where, f"expected numbers, found {shown(flat)}", path)
+    if not set(map(type, flat)) <= _NUMBERS:
+        bad = next(v for v in flat if type(v) not in _NUMBERS)
         fail(where, f"expected numbers, found {shown(bad)}", path)
     try:
         table = np.array(flat, np.float64)

@@ -25,11 +25,8 @@ _AT_LINE = re.compile(r"\(at line (\d+), column \d+\)")
 def read_bytes(path: Path) -> bytes:
     """Return what a file holds, `LARGEST_BYTES` at the most.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be read or is no ordinary file: a device may never end, and a pipe waits
-        for somebody to write.
+    Raises InputError where it cannot be read or is no ordinary file: a device may never end, and a
+    pipe waits for somebody to write.
     """
     try:
         require_file(path)
@@ -60,10 +57,7 @@ def _without_waiting(path: str, flags: int) -> int:
 def read_json(path: Path, kind: str) -> Mapping[str, Any]:
     """Return the object in a JSON file that should be a `kind`.
 
-    Raises
-    ------
-    InputError
-        When it cannot be read or holds no object.
+    Raises InputError when it cannot be read or holds no object.
     """
     content = read_bytes(path)
     with one_line(path, kind):
@@ -73,19 +67,16 @@ def read_json(path: Path, kind: str) -> Mapping[str, Any]:
     return values
 
 
-def read_toml(path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
+def read_toml(
+    path: Path, kind: str, *, page: str, content: bytes | None = None
+) -> Mapping[str, Any]:
     """Return what a TOML file says that should be a `kind`, which `page` describes.
 
-    Raises
-    ------
-    InputError
-        When it cannot be read or is no TOML, with the line.
+    Its `content` may be known already.
+
+    Raises InputError when it cannot be read or is no TOML, with the line.
     """
-    return parse_toml(read_bytes(path), path, kind, page=page)
-
-
-def parse_toml(content: bytes, path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
-    """Return what a TOML file that holds `content` says; raises InputError as `read_toml`."""
+    content = read_bytes(path) if content is None else content
     with one_line(path, kind):
         try:
             return tomllib.loads(content.decode("utf-8-sig"))

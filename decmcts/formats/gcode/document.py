@@ -5,7 +5,8 @@ Only frozen data lives here; it is read in `reader` and written in `writer`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +38,43 @@ class StateTable:
 
     __repr__ = brief("slots", "rows")
 
+    def column(self, slot: str) -> NDArray[np.int32]:
+        """Return which value each state has in a slot, (n_states,); UNSET where there is none."""
+        if slot not in self.slots:
+            return np.full(len(self.rows), UNSET, np.int32)
+        return self.rows[:, self.slots.index(slot)]
+
     def text(self, state: int, slot: str) -> str:
         """Return what set `slot` in a state; empty when nothing did."""
         if slot not in self.slots:
             return ""
         return self.values[int(self.rows[state, self.slots.index(slot)])]
+
+
+class MoreStates:
+    """The states of a table, and more that are made of them."""
+
+    def __init__(self, table: StateTable) -> None:
+        self._table = table
+        self.rows = list(map(tuple, table.rows.tolist()))
+        self._known = {row: k for k, row in enumerate(self.rows)}
+        self._travel = None if table.travel is None else table.travel.tolist()
+
+    def like(self, state: int, values: Mapping[int, int]) -> int:
+        """Return the state that is like one but for the values of these slots."""
+        row = tuple(values.get(k, value) for k, value in enumerate(self.rows[state]))
+        if row not in self._known:
+            self._known[row] = len(self.rows)
+            self.rows.append(row)
+            if self._travel is not None:
+                self._travel.append(self._travel[state])
+        return self._known[row]
+
+    def table(self) -> StateTable:
+        """Return all states."""
+        rows = np.array(self.rows, np.int32).reshape(-1, len(self._table.slots))
+        travel = None if self._travel is None else np.array(self._travel, np.int32)
+        return replace(self._table, rows=rows, travel=travel)
 
 
 @dataclass(frozen=True, slots=True)

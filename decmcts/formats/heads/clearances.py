@@ -30,8 +30,6 @@ from decmcts.formats.files.names import in_one_line
 from decmcts.formats.slicers.known import every
 from decmcts.print.machine import Head, Machine, Slice
 
-__all__ = ["Clearances", "Setting", "clearance_head", "clearance_machine", "read_clearances"]
-
 RADII = every("radius")
 RODS = tuple(sorted(every("rod"), key=len))  # the plain name first
 NOZZLE = "nozzle_height"
@@ -98,10 +96,7 @@ def read_clearances(
     Of several values (one an extruder) the one that takes most room counts. A nozzle's
     height counts for a head of one nozzle only: of several the others may be as low.
 
-    Raises
-    ------
-    InputError
-        For a value that can't be, or one of the two without the other.
+    Raises InputError for a value that can't be, or one of the two without the other.
     """
     radii = _lengths(settings, RADII, path)
     rods = _lengths(settings, RODS, path)
@@ -114,13 +109,10 @@ def read_clearances(
         )
     radius_from = max(radii, key=lambda name: max(radii[name]))
     rod_from = min(rods, key=lambda name: min(rods[name]))
-    bed = _bed(settings, path)
+    low, high = _bed(settings, path) or (None, None)
     return Clearances(
-        max(radii[radius_from]), _nozzle(settings, path), min(rods[rod_from]),
-        None if bed is None else (float(bed[0, 0]), float(bed[0, 1])),
-        None if bed is None else (float(bed[1, 0]), float(bed[1, 1])),
-        settings["printer_model"].text.strip() if "printer_model" in settings else "",
-        radius_from, rod_from,
+        max(radii[radius_from]), _nozzle(settings, path), min(rods[rod_from]), low, high,
+        _text(settings, "printer_model"), radius_from, rod_from,
     )  # fmt: skip
 
 
@@ -176,6 +168,10 @@ def _frozen(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
     return polygon
 
 
+def _text(settings: Mapping[str, Setting], name: str) -> str:
+    return settings[name].text.strip() if name in settings else ""
+
+
 def _lengths(
     settings: Mapping[str, Setting], names: tuple[str, ...], path: Path | str | None
 ) -> dict[str, list[float]]:
@@ -183,7 +179,7 @@ def _lengths(
     return {
         name: _numbers(name, settings[name], path, LARGEST_MM)
         for name in names
-        if name in settings and settings[name].text.strip()
+        if _text(settings, name)
     }
 
 
@@ -211,21 +207,19 @@ def _numbers(
 
 
 def _nozzle(settings: Mapping[str, Setting], path: Path | str | None) -> float | None:
-    if NOZZLE not in settings or not settings[NOZZLE].text.strip():
+    if not _text(settings, NOZZLE):
         return None
     heights = _numbers(NOZZLE, settings[NOZZLE], path, TALLEST_NOZZLE_MM, zero=True)
-    return None if _several_nozzles(settings) else min(heights)
+    several = "," in _text(settings, "nozzle_diameter")
+    shared = _text(settings, "single_extruder_multi_material") == "1"
+    return None if several and not shared else min(heights)
 
 
-def _several_nozzles(settings: Mapping[str, Setting]) -> bool:
-    diameters = settings.get("nozzle_diameter", Setting("")).text
-    shared = settings.get("single_extruder_multi_material", Setting("")).text.strip()
-    return len(diameters.split(",")) > 1 and shared != "1"
-
-
-def _bed(settings: Mapping[str, Setting], path: Path | str | None) -> NDArray[np.float64] | None:
-    """Return the least and the largest corner of the bed, (2, 2), None where it is not stated."""
-    name = next((name for name in BEDS if settings.get(name, Setting("")).text.strip()), None)
+def _bed(
+    settings: Mapping[str, Setting], path: Path | str | None
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return the least and the largest corner of the bed, None where it is not stated."""
+    name = next((name for name in BEDS if _text(settings, name)), None)
     if name is None:
         return None
     text, line = settings[name].text, settings[name].line
@@ -243,4 +237,5 @@ def _bed(settings: Mapping[str, Setting], path: Path | str | None) -> NDArray[np
             line=line or None,
             advice="set it in the slicer's printer settings, or name the machine with --machine",
         )
-    return box
+    (x0, y0), (x1, y1) = box.tolist()
+    return (x0, y0), (x1, y1)

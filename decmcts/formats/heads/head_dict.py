@@ -14,7 +14,6 @@ holds, is refused.
 
 from __future__ import annotations
 
-import unicodedata
 from dataclasses import asdict, fields
 from itertools import pairwise
 from pathlib import Path
@@ -77,8 +76,6 @@ def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
 
     Parameters
     ----------
-    table : Fields
-        The mapping, keys as in docs/machine-format.md.
     across_mm : float
         How far a nozzle gets along either axis of the bed.
     usual : MotionLimits
@@ -263,7 +260,8 @@ def check_polygon(polygon: NDArray[np.float64], where: str, path: Path | str | N
         fail(where, "it crosses or touches itself", path)
     if not ring.is_ccw:
         fail(where, "it runs clockwise (inside out)", path, "list its corners counter-clockwise")
-    turns = _turns(polygon)
+    into, out = polygon - np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0) - polygon
+    turns = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]  # at the corners, positive: left
     if (turns < 0.0).any():
         corner = int(np.argmax(turns < 0.0))
         x, y = polygon[corner]
@@ -275,13 +273,6 @@ def covers_nozzle(polygon: NDArray[np.float64]) -> bool:
     """Tell whether the origin lies in a convex counter-clockwise polygon, edges included."""
     ahead = np.roll(polygon, -1, axis=0)
     return bool((polygon[:, 0] * ahead[:, 1] >= polygon[:, 1] * ahead[:, 0]).all())
-
-
-def _turns(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (k,) cross products at the corners: positive turns left."""
-    into = polygon - np.roll(polygon, 1, axis=0)
-    out = np.roll(polygon, -1, axis=0) - polygon
-    return np.asarray(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0])
 
 
 def head_name(table: Fields) -> str:
@@ -296,8 +287,3 @@ def head_name(table: Fields) -> str:
     if size > MOST_BYTES:
         table.fail("name", f"{shown(name)} is {size} bytes long", _RULE)
     return name
-
-
-def as_file_systems_see(name: str) -> str:
-    """Return what two names share that are one file where case does not count."""
-    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())

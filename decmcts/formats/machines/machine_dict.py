@@ -11,18 +11,13 @@ from dataclasses import asdict, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 
 from decmcts.formats.files.fields import Fields, fail, shown
 from decmcts.formats.files.names import in_one_line
-from decmcts.formats.heads.head_dict import (
-    as_file_systems_see,
-    head_from,
-    head_to_dict,
-    limits_from,
-    limits_to_dict,
-)
+from decmcts.formats.heads.head_dict import head_from, head_to_dict, limits_from, limits_to_dict
 from decmcts.print.machine import USUAL_WORDS, Body, Machine, MotionLimits, Rail, Release, SyncWords
 
 _LONGEST_NAME = 200
@@ -63,19 +58,9 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
 def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None = None) -> Machine:
     """Return the machine a mapping describes.
 
-    Parameters
-    ----------
-    values : Any
-        The mapping, keys as in docs/machine-format.md.
-    where : str
-        Its place in the file, put before each key in messages.
-    path : Path | str | None
-        The file, for messages.
+    Its keys are those of docs/machine-format.md; `where` is its place in the file, for messages.
 
-    Raises
-    ------
-    InputError
-        For anything missing, unknown, of the wrong type or impossible.
+    Raises InputError for anything missing, unknown, of the wrong type or impossible.
     """
     given = Fields.of(values, where, path)
     given.only(*_MACHINE_KEYS)
@@ -83,18 +68,20 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
     bed.only("min", "max")
     defaults = Machine("", (0.0, 0.0), (0.0, 0.0), ())
     limits = limits_from(given, MotionLimits())
+    low, high = bed.pair("min"), bed.pair("max")
+    across = float(np.subtract(high, low).max())  # that a nozzle gets along either axis
     machine = Machine(
         name=_name(given),
         source=given.text("source", ""),
-        bed_min=bed.pair("min"),
-        bed_max=bed.pair("max"),
+        bed_min=low,
+        bed_max=high,
         bead_width=given.flag("bead_width", defaults.bead_width),
         limits=limits,
         rails=_rails(given),
         release=_release(given),
         words=_words(given),
         **{key: given.size(key, getattr(defaults, key)) for key in _SIZES},
-        heads=tuple(head_from(head, _across(bed), limits) for head in given.tables("heads")),
+        heads=tuple(head_from(head, across, limits) for head in given.tables("heads")),
     )
     check_relations(machine, given)
     return machine
@@ -149,11 +136,6 @@ def _rail(table: Fields) -> Rail:
     return Rail(AXES.index(axis), tuple(map(str, order)), table.size("separation_mm"))
 
 
-def _across(bed: Fields) -> float:
-    """Return how far a nozzle gets along either axis, mm."""
-    return float(np.subtract(bed.pair("max"), bed.pair("min")).max())
-
-
 def check_relations(machine: Machine, given: Fields) -> None:
     """Check what no single value shows: names, rail and parks."""
     if not machine.heads:
@@ -171,7 +153,8 @@ def check_relations(machine: Machine, given: Fields) -> None:
 def _check_names(machine: Machine, given: Fields) -> None:
     known: dict[str, str] = {}
     for i, head in enumerate(machine.heads):
-        name, seen = head.name, as_file_systems_see(head.name)
+        name = head.name
+        seen = normalize("NFC", normalize("NFC", name).casefold())  # as file systems do
         if known.get(seen) == name:
             given.fail(f"heads[{i}].name", f"two heads are named {name!r}")
         if seen in known:

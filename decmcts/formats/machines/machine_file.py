@@ -34,7 +34,7 @@ import shapely
 from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.fields import Fields, fail, shown
-from decmcts.formats.files.reading import parse_toml, read_bytes, read_json
+from decmcts.formats.files.reading import read_json, read_toml
 from decmcts.formats.heads.clearances import UNKNOWN_BED_MM
 from decmcts.formats.machines.machine_dict import machine_from_dict
 from decmcts.formats.machines.slicer_profile import machine_from_ini, machine_from_json
@@ -49,14 +49,8 @@ _SLACK_MM = 5.0  # of reach: a head at its end of the bed does not touch the lim
 def rail_machine(pair: Machine, heads: int, length_mm: float | None = None) -> Machine:
     """Return a machine of `heads` heads shaped like those of `pair`, two heads on a rail.
 
-    Parameters
-    ----------
-    pair : Machine
-        Its first head parks left of its bed, its second as far right of it.
-    heads : int
-        How many.
-    length_mm : float | None
-        Of the bed; None: as the presets'.
+    The first of the pair parks left of its bed, the second as far right of it. The bed is
+    `length_mm` long, by default as the presets'.
     """
     (rail,) = pair.rails
     length = length_mm or max(_SHORTEST_BED_MM, _BED_A_HEAD_MM * heads)
@@ -134,12 +128,12 @@ def load_machine(name_or_path: str) -> Machine:
         return rail_machine(load_machine("dual-gantry"), _RAILS[name.lower()])
     if name.lower() in preset_names():
         file = f"{name.lower()}.toml"
-        return _from_toml((_presets() / file).read_bytes(), Path(file))
+        return _from_toml(Path(file), (_presets() / file).read_bytes())
     geometries = _GEOMETRIES.match(name)
     if geometries is not None:
         return _from_geometries(Path(geometries["file"]), geometries["name"])
     if name.lower().endswith(".toml"):
-        return _from_toml(read_bytes(Path(name)), Path(name))
+        return _from_toml(Path(name))
     if name.lower().endswith(".json"):
         return _from_json(Path(name))
     if name.lower().endswith(".ini"):
@@ -167,8 +161,8 @@ def _known(name: str) -> str:
     )
 
 
-def _from_toml(content: bytes, path: Path) -> Machine:
-    values = parse_toml(content, path, "machine file", page="docs/machine-format.md")
+def _from_toml(path: Path, content: bytes | None = None) -> Machine:
+    values = read_toml(path, "machine file", page="docs/machine-format.md", content=content)
     return machine_from_dict(values, path=path)
 
 
@@ -182,34 +176,17 @@ def _from_json(path: Path) -> Machine:
     return machine_from_json(path, values)
 
 
-def _from_geometries(path: Path, name: str) -> Machine:
-    """Join shapes of PrusaSlicer's file with the bed of our preset of that name, if any."""
-    preset = load_machine(name.lower()) if name.lower() in preset_names() else None
-    return machine_from_geometries(path, name, like=preset)
-
-
 _KIND = "file of printer geometries"
 _KINDS = ("convex", "box")
 _PLAIN = re.compile(r"(?:[\w-]|\.\*?|\(\?[!=]\w*+\))*+")  # other patterns may take for ever
 _MOST_RUNS = 3
 
 
-def machine_from_geometries(path: Path, name: str, *, like: Machine | None = None) -> Machine:
-    """Return the printer of PrusaSlicer's file whose model matches `name`.
+def _from_geometries(path: Path, name: str) -> Machine:
+    """Return the printer of PrusaSlicer's file whose model matches a name.
 
-    Parameters
-    ----------
-    path : Path
-        The JSON file.
-    name : str
-        A printer model, e.g. ``MK4S``; any case.
-    like : Machine | None
-        Where bed and limits come from, if it has one head; the file has none.
-
-    Raises
-    ------
-    InputError
-        For an unreadable file, an unknown model, or shapes that are not convex.
+    Bed and limits, which the file has not, are those of our preset of that name, if it has one
+    head.
     """
     entry = _find(Fields(read_json(path, _KIND), "", path).tables("printers"), name)
     described = {
@@ -219,7 +196,10 @@ def machine_from_geometries(path: Path, name: str, *, like: Machine | None = Non
         "heads": [{"name": "head", "slices": _slices(entry)}],
     }
     machine = machine_from_dict(described, path=path)
-    if like is None or len(like.heads) > 1:
+    if name.lower() not in preset_names():
+        return machine
+    like = load_machine(name.lower())
+    if len(like.heads) > 1:
         return machine
     head = replace(machine.heads[0], park=like.heads[0].park)
     return replace(
@@ -240,17 +220,12 @@ def _find(printers: list[Fields], name: str) -> Fields:
             )
         if any(re.search(pattern, note) for note in notes):
             return printer
-    models = [_model_of(printer.text("printer_notes_regex")) for printer in printers]
+    patterns = [printer.text("printer_notes_regex") for printer in printers]
+    models = [(re.findall(r"MODEL_(\w+)", pattern) or [pattern])[0] for pattern in patterns]
     path = printers[0].path if printers else None
     raise InputError(
         f"no printer matches {name!r}", path=path, advice=f"found: {', '.join(models)}"
     )
-
-
-def _model_of(pattern: str) -> str:
-    """Return the model a pattern names."""
-    found = re.search(r"MODEL_(\w+)", pattern)
-    return found[1] if found else pattern
 
 
 def _slices(printer: Fields) -> list[dict[str, Any]]:

@@ -13,13 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.heads.clearances import (
-    SETTINGS,
-    Clearances,
-    Setting,
-    clearance_machine,
-    read_clearances,
-)
+from decmcts.formats.heads.clearances import SETTINGS, Setting, clearance_machine, read_clearances
 from decmcts.formats.machines.machine_file import load_machine, preset_for_printer
 from decmcts.print.machine import Machine
 
@@ -31,19 +25,10 @@ def machine_of_text(
 ) -> tuple[Machine, str]:
     """Return the machine a G-code text is for, and one line on where it comes from.
 
-    Parameters
-    ----------
-    text : bytes
-        The G-code.
-    path : Path | str | None
-        Its file, for messages.
-    printer : str
-        The slicer's printer model, where known from elsewhere; else the text's counts.
+    The slicer's `printer` model may be known from elsewhere; else the text's counts.
 
-    Raises
-    ------
-    InputError
-        When it names no printer we know and states no clearances, or some that can't be.
+    Raises InputError when it names no printer we know and states no clearances, or some that can't
+    be.
     """
     settings = comment_settings(text, SETTINGS, path)
     printer = printer or (settings["printer_model"].text if "printer_model" in settings else "")
@@ -58,17 +43,11 @@ def machine_of_text(
             advice="add --machine NAME (`decmcts machines` lists them; `paper` is the box of the "
             f"literature), a profile of your slicer, or measure your head: {PAGE}",
         )
-    return clearance_machine(found, source="clearances in the G-code"), clearance_note(found)
-
-
-def clearance_note(found: Clearances) -> str:
-    """Return one line on a head made of clearances."""
-    doubt = (
-        "; radius and height are the slicer's defaults, so compare them with your printer"
-        if found.unchanged
-        else ""
-    )
-    return f"machine by the file's clearances: {found}{doubt} ({PAGE} shows how to gain more)"
+    note = f"machine by the file's clearances: {found}"
+    if found.unchanged:
+        note += "; radius and height are the slicer's defaults, so compare them with your printer"
+    machine = clearance_machine(found, source="clearances in the G-code")
+    return machine, f"{note} ({PAGE} shows how to gain more)"
 
 
 def comment_settings(
@@ -76,10 +55,7 @@ def comment_settings(
 ) -> dict[str, Setting]:
     """Return the settings of these names in a G-code text.
 
-    Raises
-    ------
-    InputError
-        When one of them stands there twice with different values.
+    Raises InputError when one of them stands there twice with different values.
     """
     wanted = b"|".join(re.escape(name.encode()) for name in sorted(names))
     found: dict[str, Setting] = {}

@@ -27,18 +27,10 @@ Settings = dict[str, Setting]
 def machine_from_json(path: Path, profile: Mapping[str, Any]) -> Machine:
     """Return the machine of a profile of OrcaSlicer or Bambu Studio.
 
-    Parameters
-    ----------
-    path : Path
-        Its file; the profiles it inherits from are looked for beside it, and where
-        OrcaSlicer and Bambu Studio keep theirs (`system/VENDOR/machine`).
-    profile : Mapping
-        What the file holds.
+    The profiles it inherits from are looked for beside it, and where OrcaSlicer and Bambu Studio
+    keep theirs (`system/VENDOR/machine`).
 
-    Raises
-    ------
-    InputError
-        When it states no clearances, or inherits from a profile that is not there.
+    Raises InputError when it states no clearances, or inherits from a profile that is not there.
     """
     settings: Settings = {}
     file, names = path, [path.name]
@@ -85,10 +77,7 @@ def _texts(profile: Mapping[str, Any]) -> Settings:
 def machine_from_ini(path: Path) -> Machine:
     """Return the machine of a configuration that PrusaSlicer or SuperSlicer exported.
 
-    Raises
-    ------
-    InputError
-        When it states no clearances, or is a bundle of many configurations.
+    Raises InputError when it states no clearances, or is a bundle of many configurations.
     """
     with one_line(path, "profile"):
         lines = read_bytes(path).decode("utf-8-sig").splitlines()

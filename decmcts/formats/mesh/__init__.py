@@ -4,11 +4,6 @@
 `gcode_text` writes beads without a slicer.
 """
 
-from decmcts.formats.mesh.options import (
-    MESH_SUFFIXES,
-    SliceOptions,
-    is_mesh,
-    refuse_other_shape,
-)
+from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions, is_mesh, refuse_other_shape
 
 __all__ = ["MESH_SUFFIXES", "SliceOptions", "is_mesh", "refuse_other_shape"]

@@ -24,11 +24,8 @@ def load_solid(path: Path, bed: Bed) -> trimesh.Trimesh:
 
     Several objects keep their places relative to each other.
 
-    Raises
-    ------
-    InputError
-        For a file that holds no mesh, coordinates that are no numbers, and a mesh that is flat,
-        larger than the bed or not closed.
+    Raises InputError for a file that holds no mesh, coordinates that are no numbers, and a mesh
+    that is flat, larger than the bed or not closed.
     """
     mesh = _read(path)
     if not np.isfinite(mesh.vertices).all():

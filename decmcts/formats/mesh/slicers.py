@@ -49,10 +49,6 @@ class Request:
     given: Set[str]  # options the user named; with a configuration only these are handed on
     config: tuple[Path, ...] = ()  # profiles in the slicer's own format
 
-    def hands_on(self, name: str) -> bool:
-        """Tell whether an option is handed on to the slicer."""
-        return not self.config or name in self.given
-
 
 @dataclass(frozen=True, slots=True)
 class SlicerCommand:
@@ -94,7 +90,7 @@ def _prusa(request: Request) -> SlicerCommand:
     for config in request.config or (printer,):
         words += ["--load", str(config)]
     for name, values in _prusa_options(request.options).items():
-        if request.hands_on(name):
+        if not request.config or name in request.given:
             for key, value in values:
                 words += [f"--{key}", value]
     files = [] if request.config else [(printer, _prusa_printer(request.options))]

@@ -42,7 +42,6 @@ from decmcts.formats.plans.plan_rows import (
     contours_from_dicts,
     contours_to_dicts,
 )
-from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, Machine, Stands, line_of
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
@@ -65,10 +64,7 @@ _TOOL = re.compile(r"[0-9]{1,5}", re.ASCII)
 def write_plan(document: PlanDocument, path: Path | str) -> None:
     """Write a plan, gzipped when the name ends in ``.gz``; all of it or nothing.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be written, or a number of the plan is not finite.
+    Raises InputError when the file cannot be written, or a number of the plan is not finite.
     """
     text = io.BytesIO()
     try:
@@ -146,11 +142,8 @@ def _plain(value: Any) -> Any:
 def read_plan(path: Path | str) -> PlanDocument:
     """Read a plan, gzipped or not.
 
-    Raises
-    ------
-    InputError
-        Naming the place, e.g. ``heads[1].actions[17].after[0]: ...``, for
-        anything that is not of the format.
+    Raises InputError naming the place, e.g. ``heads[1].actions[17].after[0]: ...``, for anything
+    that is not of the format.
     """
     source = Path(path)
     given = Fields.of(_parse(source), "", source)
@@ -174,7 +167,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
         _rules(given.table(_RULES)) if _RULES in given.values else None,
         acceleration_from_dicts(tables, contours),
-        _printed(given, machine),
+        contours_from_dicts(given.tables(_PRINTED), machine) if _PRINTED in given.values else None,
         _fenced(given, machine),
         _print_with(given),
     )
@@ -185,22 +178,13 @@ def is_plan(path: Path) -> bool:
     return path.name.lower().endswith(SUFFIXES)
 
 
-def _printed(given: Fields, machine: Machine) -> Contours | None:
-    """Return what stands on the bed before the plan begins; None: nothing does."""
-    if _PRINTED not in given.values:
-        return None
-    return contours_from_dicts(given.tables(_PRINTED), machine)
-
-
 def _fenced(given: Fields, machine: Machine) -> Fenced | None:
     """Return the heads that stand in the way; None: the plan says none."""
     if _FENCED not in given.values:
         return None
     table = given.table(_FENCED)
     table.only("machine", "at")
-    whole = machine_from_dict(
-        table.need("machine"), where=table.at("machine"), path=given.path
-    )  # fmt: skip
+    whole = machine_from_dict(table.need("machine"), where="fenced.machine", path=given.path)
     places = table.table("at")
     living = {head.name for head in machine.heads}
     known = [head.name for head in whole.heads if head.name not in living]
@@ -211,7 +195,6 @@ def _fenced(given: Fields, machine: Machine) -> Fenced | None:
 
 
 def _stands(places: Fields, name: str) -> Stands:
-    """Return where a head stands."""
     match places.need(name):
         case [[*_], *_] as line:
             rows = points(line, (3,), places.at(name), places.path, most=LARGEST_MM)
@@ -276,7 +259,10 @@ def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
     rows = given.items("precedence")
     flat = [v for row in rows if type(row) is list and len(row) == 2 for v in row]
     if len(flat) != 2 * len(rows) or not set(map(type, flat)) <= {int}:
-        bad = next(i for i, row in enumerate(rows) if not _is_pair(row))
+        bad = next(
+            i for i, row in enumerate(rows)
+            if type(row) is not list or list(map(type, row)) != [int, int]
+        )  # fmt: skip
         given.fail(f"precedence[{bad}]", f"expected two contour ids, found {shown(rows[bad])}")
     wrong = next((i for i, v in enumerate(flat) if not 0 <= v < n), None)
     if wrong is not None:
@@ -291,10 +277,6 @@ def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
             "contours are numbered in the order of the source, which keeps every pair",
         )
     return pairs
-
-
-def _is_pair(row: Any) -> bool:
-    return type(row) is list and len(row) == 2 and all(type(v) is int for v in row)
 
 
 def _plan(given: Fields, *, contours_sizes: list[int], version: int) -> JointPlan:

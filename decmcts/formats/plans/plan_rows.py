@@ -121,10 +121,7 @@ def _along(tables: list[Fields], sizes: list[int]) -> NDArray[np.float64]:
 def acceleration_from_dicts(tables: list[Fields], contours: Contours) -> NDArray[np.float64] | None:
     """Return the accelerations of the rows as `PlanDocument` has them, None if none has any.
 
-    Raises
-    ------
-    InputError
-        When some contours state theirs and others do not, or a value is wrong.
+    Raises InputError when some contours state theirs and others do not, or a value is wrong.
     """
     stated = [_ACCELERATION in table.values for table in tables]
     if not any(stated):
@@ -144,7 +141,6 @@ def _count(table: Fields, key: str, end: int = _INT32_END) -> int:
 
 
 def _polyline(table: Fields, number: int) -> NDArray[np.float64]:
-    """Return (k, 3) points of one row."""
     table.only(*_CONTOUR_KEYS, *_PIECE, _ACCELERATION)
     if _count(table, "id") != number:
         table.fail("id", f"{table.need('id')} stands at place {number}", "number from 0 in order")
@@ -235,19 +231,17 @@ def actions_from_dicts(
 ) -> HeadActions:
     """Return the actions of one head.
 
+    Points that it waits for are held against the other heads' paths by `check_points`, when these
+    are read.
+
     Parameters
     ----------
-    table : Fields
-        The head's mapping: name and actions.
-    heads : Sequence[str]
-        Names of the plan's heads, in its order.
     counts : Sequence[int]
         Number of actions of each head.
     sizes : Sequence[int]
         Number of points of each contour.
     version : int
-        Of the format: in version 1 an action waits for ends only. Points are held against
-        the other heads' paths by `check_points`, when these are read.
+        Of the format: in version 1 an action waits for ends only.
 
     Raises
     ------
@@ -337,10 +331,7 @@ def _after(
 def check_points(tables: Sequence[Fields], all_actions: Sequence[HeadActions]) -> None:
     """Refuse waits for points that the other heads' paths do not have.
 
-    Raises
-    ------
-    InputError
-        Naming the first wrong place.
+    Raises InputError naming the first wrong place.
     """
     for table, actions in zip(tables, all_actions, strict=True):
         for row in np.flatnonzero(actions.after_point != ACTION_END).tolist():

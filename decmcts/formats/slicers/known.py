@@ -15,13 +15,12 @@ from decmcts.formats.slicers.dialect import Dialect
 _NO_SLICER = ("dialect", "known")
 
 
-def _found() -> tuple[Dialect, ...]:
-    modules = sorted(module.name for module in iter_modules([str(Path(__file__).parent)]))
-    named = (f"{__package__}.{name}" for name in modules if name not in _NO_SLICER)
-    return tuple(cast(Dialect, import_module(name).DIALECT) for name in named)
-
-
-DIALECTS = _found()
+_MODULES = sorted(module.name for module in iter_modules([str(Path(__file__).parent)]))
+DIALECTS = tuple(
+    cast(Dialect, import_module(f"{__package__}.{name}").DIALECT)
+    for name in _MODULES
+    if name not in _NO_SLICER
+)
 
 
 @cache

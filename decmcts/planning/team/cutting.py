@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import EdgeKind
 from decmcts.feasibility.rules import contacts_between
-from decmcts.formats.gcode.writing.parts import cut_document, has_stiff_arc, uncut_segments
+from decmcts.formats.gcode.document import NO_ARC
+from decmcts.formats.gcode.writing.parts import cut_document, has_stiff_arc
 from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import STAGGER_MM, Cut, Freedom
@@ -272,7 +273,8 @@ def _cut(problem: PrintProblem, lines: CutLines, walls: Walls, cut: Cut) -> Prin
     digits_xy, digits_e, _ = document.decimals
     pieces, row = cut_job(
         job, lines, walls=walls, hop_mm=0.999 * longest,
-        hop_feed=travel_feed(job.settings, machine.limits), whole=uncut_segments(document),
+        hop_feed=travel_feed(job.settings, machine.limits),
+        whole=document.point_arc != NO_ARC,  # chords of arcs are cut at their ends alone
         grid=Grid(10.0**digits_xy, 10.0**digits_e * (document.e_area or 1.0)),
     )  # fmt: skip
     text = cut_document(document, pieces.contours, row)

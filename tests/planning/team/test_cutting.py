@@ -15,7 +15,7 @@ from playwright.sync_api import Browser
 from agents.launch import LaunchResult
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.writing.parts import uncut_segments
+from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.planning.events import Event, Note, unheard
 from decmcts.planning.options import Cut, Freedom, Rules, TeamSearch
@@ -461,8 +461,8 @@ def test_a_foreign_arc_of_a_cut_print_is_seen(tmp_path: Path) -> None:
     n = len(job.contours)
     lines = CutLines(0, np.tile(places, n), len(places) * np.arange(n + 1, dtype=np.int64))
     cut = cut_job(
-        job, lines, walls=no_walls(), hop_mm=0.0, hop_feed=150.0, whole=uncut_segments(document),
-        grid=Grid(),
+        job, lines, walls=no_walls(), hop_mm=0.0, hop_feed=150.0,
+        whole=document.point_arc != NO_ARC, grid=Grid(),
     )[0]  # fmt: skip
     parted = parted_source(cut.contours, job, "all")
     turns = turns_of_print(parted.job, parted.text(document))

@@ -20,7 +20,7 @@ from decmcts.formats.gcode.controller.limits import (
     stated_limits,
 )
 from decmcts.formats.gcode.controller.motion import Motion, interpret
-from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, TOOL
+from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.text.lines import Lines, split_lines
@@ -48,7 +48,7 @@ class FileTime:
     seconds: NDArray[np.float64]  # (m,) of each move, firmware retractions counted in
     line: NDArray[np.int64]  # (m,) source line of each move, from 1
     print_s: float = 0.0  # of it, from where the first bead begins until the last one ends
-    retractions: int = 0
+    retractions: int = 0  # however many moves each takes
     over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
     arcs: int = 0  # G2 and G3 that print
 
@@ -78,8 +78,6 @@ def print_time(
         Whether the file's own limits win; M204 always does.
     walls : Walls | None
         Outer walls of the print, to tell how much travel leads over them.
-    plate : int | None
-        Of a .gcode.3mf: whose G-code.
 
     Raises
     ------
@@ -102,13 +100,14 @@ def text_time(
     rows = state_limits(track.table, limits.under(stated), stated, own=own_limits)
     program, line = file_program(lines, motion, track, rows)
     seconds = program.seconds()
-    dwell = sum(dwell_seconds(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
+    dwell = sum(dwell_seconds(lines, n) for n in np.flatnonzero(lines.are("G", (40,))).tolist())
     changes = _change_seconds(lines, motion)
+    pulls = np.sign(program.filament[np.abs(program.filament) > STILL_MM])
     over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
     printing = _print_seconds(lines, program, seconds, line) + changes
     return FileTime(
         float(seconds.sum()), dwell, changes, seconds, line, printing,
-        retractions_of(program), over,
+        int((np.diff(pulls, prepend=1.0) < 0.0).sum()), over,
         len(np.unique(motion.arc[(motion.arc != NO_ARC) & (motion.extrusion > 0.0)])),
     )  # fmt: skip
 
@@ -124,7 +123,7 @@ def _print_seconds(
     if not len(beads):
         return 0.0
     first, last = int(beads[0]), int(beads[-1])
-    dwells = _lines_of(lines, 71, (40,)) + 1
+    dwells = np.flatnonzero(lines.are("G", (40,))) + 1
     inside = dwells[(dwells > line[first]) & (dwells < line[last])] - 1
     moving = float(seconds[first : last + 1].sum())
     return moving + sum(dwell_seconds(lines, n) for n in inside.tolist())
@@ -145,12 +144,6 @@ def _beads(program: Program) -> NDArray[np.int64]:
     if len(np.unique(program.points[1:][early][:, :2], axis=0)) < FEW_DOTS:
         given &= ~early
     return np.flatnonzero(beads | given)
-
-
-def retractions_of(program: Program) -> int:
-    """Return how often filament is pulled back, however many moves each time takes."""
-    moved = np.sign(program.filament[np.abs(program.filament) > STILL_MM])
-    return int((np.diff(moved, prepend=1.0) < 0.0).sum())
 
 
 def travel_over(program: Program, walls: Walls) -> float:
@@ -178,10 +171,7 @@ def file_program(
 ) -> tuple[Program, NDArray[np.int64]]:
     """Return all moves of a file, and the source line (from 1) of each.
 
-    Parameters
-    ----------
-    limits : (n_states, N_LIMITS)
-        In force in each machine state.
+    `limits` are in force in each machine state, (n_states, N_LIMITS).
     """
     turned = np.diff(motion.modes[:, FIRMWARE_RETRACTED], prepend=np.int16(0))
     at = np.flatnonzero(turned)
@@ -192,9 +182,7 @@ def file_program(
         moved = [firmware.at(n, pull=bool(turned[n] > 0)) for n in at.tolist()]
         length[:], feed[:] = np.array(moved).T
     line = np.insert(motion.line, place, at)
-    walls = np.sort(
-        np.concatenate([_lines_of(lines, 71, _STOPS_G), _lines_of(lines, 77, _STOPS_M)])
-    )
+    walls = np.flatnonzero(lines.are("G", _STOPS_G) | lines.are("M", _STOPS_M))
     passed = np.searchsorted(walls, line)
     program = Program(
         np.insert(motion.points, place + 1, motion.points[place], axis=0),
@@ -202,11 +190,6 @@ def file_program(
         track.at(line), limits, np.diff(passed, prepend=0) > 0,
     )  # fmt: skip
     return program, line + 1
-
-
-def _lines_of(lines: Lines, letter: int, codes: tuple[int, ...]) -> NDArray[np.int64]:
-    """Return the lines with one of these commands (numbers times ten)."""
-    return np.flatnonzero((lines.letter == letter) & np.isin(lines.code, codes)).astype(np.int64)
 
 
 def dwell_seconds(lines: Lines, line: int) -> float:
@@ -224,6 +207,6 @@ def _change_seconds(lines: Lines, motion: Motion) -> float:
         return 0.0  # a tool that keeps its filament loads nothing
     load = setting(lines.text, b"filament_load_time")
     unload = setting(lines.text, b"filament_unload_time")
-    used = motion.modes[motion.line, TOOL][motion.extrusion > 0]
+    used = motion.tool[motion.extrusion > 0]
     changes = int(np.count_nonzero(np.diff(used)))
     return changes * load + max(0, changes - 1) * unload

@@ -40,12 +40,8 @@ class WordsInForce:
     def take(self, params: Params, *, form: str = "", whole: str = "") -> str:
         """Take a command, and return what says all that is now in force.
 
-        Parameters
-        ----------
-        form : str
-            The word that names a tool, as `T1`.
-        whole : str
-            The command as it stands, which is kept where nothing of others is left.
+        `form` is the word that names a tool, as `T1`, `whole` the command as it stands, which is
+        kept where nothing of others is left.
         """
         count = 0
         for word, value, keys in _words_of(self.command, form, params):

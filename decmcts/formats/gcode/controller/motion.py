@@ -34,6 +34,7 @@ _FRAMES = {  # G command times ten: what it means, and the one that takes it bac
 _PLANES = (180, 190)
 _ALL_PLANES = (170, 180, 190)
 _OF_ARCS = (*_PLANES, 901)
+_ARCS = (20, 30)
 _CURVES = (50, 51, 52)
 _COMMANDS = tuple(b"GMT")  # letters of commands that are no macros
 # behind a line's number and a first command, and in no text
@@ -58,6 +59,11 @@ class Motion:
     arcs: Arcs
 
     @property
+    def tool(self) -> NDArray[np.int64]:
+        """The tool in use at each move, (m,)."""
+        return np.asarray(self.modes[self.line, kernels.TOOL], np.int64)
+
+    @property
     def withdrawn(self) -> NDArray[np.bool_]:
         """Whether the firmware has retracted before each move, (m,)."""
         above = np.maximum(self.line - 1, 0)
@@ -67,13 +73,14 @@ class Motion:
 def interpret(lines: Lines) -> Motion:
     """Return what the lines do.
 
-    Raises
-    ------
-    InputError
-        On inches, an arc without a centre, a polar or rotated frame, a fourth axis, or several
-        motion systems.
+    Raises InputError on inches, an arc without a centre, a polar or rotated frame, a fourth axis,
+    or several motion systems.
     """
-    refuse_meanings(lines)
+    _refuse_second_commands(lines)
+    _refuse_systems(lines)
+    _refuse_frames(lines)
+    _refuse_curves(lines)
+    _refuse_further_moves(lines)
     n = len(lines)
     moves, line = np.zeros((n, 5)), np.full(n, n, np.int64)
     modes, extruder = np.zeros((n, kernels.N_MODES), np.int16), np.zeros((n, 3))
@@ -92,15 +99,15 @@ def interpret(lines: Lines) -> Motion:
         np.full(m, NO_ARC, np.int32), Arcs.none(),
     )  # fmt: skip
     _refuse_far(lines, motion)
-    curved = np.isin(lines.code[line], (20, 30))
+    curved = np.isin(lines.code[line], _ARCS)
     return _open_arcs(lines, motion, np.flatnonzero(curved)) if curved.any() else motion
 
 
 def _counts_relative(lines: Lines) -> bool:
     """Guess how E counts where no M82 or M83 says: absolute E does not fall while moving."""
-    if ((lines.letter == 77) & np.isin(lines.code, (820, 830))).any():
+    if lines.are("M", (820, 830)).any():
         return False
-    drawn = (lines.letter == 71) & (lines.code <= 30) & ~np.isnan(lines.values[:, scan.E])
+    drawn = lines.moves & ~np.isnan(lines.values[:, scan.E])
     drawn &= ~np.isnan(lines.values[:, : scan.E]).all(axis=1)
     e = lines.values[drawn, scan.E]
     return bool(len(e) > 1 and (np.diff(e) < 0).mean() > 0.1)
@@ -113,15 +120,14 @@ def _decimals(lines: Lines) -> tuple[int, int, int]:
 
 
 def _refuse_far(lines: Lines, motion: Motion) -> None:
-    beyond = np.abs(motion.points[1:]) > LARGEST_MM
-    if beyond.any():
-        far = np.flatnonzero(beyond.any(axis=1))
-        what = f"relative moves that leave ±{LARGEST_MM:g} mm"
-        raise lines.refuse(int(motion.line[far[0]]), what)
-    much = np.flatnonzero(np.abs(motion.extrusion) > LARGEST_FILAMENT_MM)
-    if len(much):
-        what = f"more than {LARGEST_FILAMENT_MM:g} mm of filament in one move"
-        raise lines.refuse(int(motion.line[much[0]]), what)
+    far = (np.abs(motion.points[1:]) > LARGEST_MM).any(axis=1)
+    much = np.abs(motion.extrusion) > LARGEST_FILAMENT_MM
+    for wrong, what in (
+        (far, f"relative moves that leave ±{LARGEST_MM:g} mm"),
+        (much, f"more than {LARGEST_FILAMENT_MM:g} mm of filament in one move"),
+    ):
+        if wrong.any():
+            raise lines.refuse(int(motion.line[np.argmax(wrong)]), what)
 
 
 def _open_arcs(lines: Lines, motion: Motion, curved: NDArray[np.int64]) -> Motion:
@@ -167,26 +173,6 @@ def _arcs(lines: Lines, line: NDArray[np.int64], circles: NDArray[np.float64]) -
     )  # fmt: skip
 
 
-def refuse_meanings(lines: Lines) -> None:
-    """Refuse files for other frames, further axes, or several motion systems.
-
-    Raises
-    ------
-    InputError
-        With the line and what to do.
-    """
-    _refuse_second_commands(lines)
-    _refuse_systems(lines)
-    _refuse_frames(lines)
-    _refuse_curves(lines)
-    _refuse_turns(lines)
-    _refuse_fourth_axis(lines)
-
-
-def _is_g(lines: Lines, codes: tuple[int, ...]) -> NDArray[np.bool_]:
-    return np.asarray((lines.letter == 71) & np.isin(lines.code, codes))
-
-
 def _refuse_second_commands(lines: Lines) -> None:
     """Refuse a G command behind another command: RepRapFirmware carries out both, others one.
 
@@ -211,25 +197,24 @@ def _refuse_second_commands(lines: Lines) -> None:
 
 def _refuse_systems(lines: Lines) -> None:
     """Refuse RepRapFirmware's files for several motion systems: one head is planned by one file."""
-    several = (lines.letter == 77) & np.isin(lines.code, (5980, 6060))
-    for line in np.flatnonzero((lines.letter == 77) & (lines.code == 5960)).tolist():
+    several = lines.are("M", (5980, 6060))
+    for line in np.flatnonzero(lines.are("M", (5960,))).tolist():
         system = _SYSTEM.search(lines.raw(line).split(b";")[0])
         several[line] = system is not None and system[1] != b"0"
-    if several.any():
-        raise lines.refuse(
-            int(np.flatnonzero(several)[0]),
-            "a file for several motion systems (M596, M598, M606), each with positions of its own",
-            "slice for one head; `decmcts launch` makes the files of several heads of it",
-        )
+    lines.refuse_first(
+        several,
+        "a file for several motion systems (M596, M598, M606), each with positions of its own",
+        "slice for one head; `decmcts launch` makes the files of several heads of it",
+    )
 
 
 def _refuse_frames(lines: Lines) -> None:
-    moves = np.flatnonzero(_is_g(lines, (0, 10, 20, 30, 920)))
-    arcs = np.flatnonzero(_is_g(lines, (20, 30)))
+    moves = np.flatnonzero(lines.are("G", (0, 10, *_ARCS, 920)))
+    arcs = np.flatnonzero(lines.are("G", _ARCS))
     for code, (what, back) in _FRAMES.items():
-        ends = np.flatnonzero(_is_g(lines, _ALL_PLANES if code in _PLANES else (back,)))
+        ends = np.flatnonzero(lines.are("G", _ALL_PLANES if code in _PLANES else (back,)))
         bent = arcs if code in _OF_ARCS else moves
-        for line in np.flatnonzero(_is_g(lines, (code,))).tolist():
+        for line in np.flatnonzero(lines.are("G", (code,))).tolist():
             until = _first_behind(ends, line, len(lines))
             if _first_behind(bent, line, len(lines)) < until:
                 raise lines.refuse(line, f"{what} cannot be planned", "export in mm, absolute")
@@ -242,24 +227,21 @@ def _first_behind(rows: NDArray[np.int64], line: int, end: int) -> int:
 
 def _refuse_curves(lines: Lines) -> None:
     """Refuse Bézier moves; a bare G5 has no end to go to and moves nothing."""
-    for line in np.flatnonzero(_is_g(lines, _CURVES)).tolist():
+    for line in np.flatnonzero(lines.are("G", _CURVES)).tolist():
         words = lines.raw(line).split(b";")[0].split(b"(")[0].upper().partition(b"G")[2]
         if re.search(rb"[A-Z]", words):
             raise lines.refuse(line, "Bézier moves (G5) cannot be planned", "export without them")
 
 
-def _refuse_turns(lines: Lines) -> None:
-    """Refuse arcs that print more than one turn; Klipper makes one of them, Marlin all."""
-    prints = _is_g(lines, (20, 30)) & ~np.isnan(lines.values[:, scan.E])
-    if len(turning := np.flatnonzero(prints & (lines.values[:, scan.P] >= 1.0))):
-        raise lines.refuse(
-            int(turning[0]), "an arc of several turns (P), which firmwares read differently",
-            "export each turn as an arc of its own",
-        )  # fmt: skip
-
-
-def _refuse_fourth_axis(lines: Lines) -> None:
-    moved = (lines.letter == 71) & (lines.code <= 30) & ~np.isnan(lines.values[:, scan.D])
+def _refuse_further_moves(lines: Lines) -> None:
+    """Refuse arcs that print several turns (Klipper makes one, Marlin all), and further axes."""
+    prints = lines.are("G", _ARCS) & ~np.isnan(lines.values[:, scan.E])
+    lines.refuse_first(
+        prints & (lines.values[:, scan.P] >= 1.0),
+        "an arc of several turns (P), which firmwares read differently",
+        "export each turn as an arc of its own",
+    )
+    moved = lines.moves & ~np.isnan(lines.values[:, scan.D])
     if moved.any():
-        line = int(np.flatnonzero(moved)[0])
+        line = int(np.argmax(moved))
         raise lines.refuse(line, *further_axis(lines.raw(line)))

@@ -6,6 +6,7 @@ Reads the meaning of lines from `dialect`; knows nothing of contours.
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -16,18 +17,17 @@ from decmcts.formats.gcode.controller.held import Targets, WordsInForce, target_
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import LAST_TOOL, RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.dialects.dialect import (
+    BY_NAME,
     CANONICAL,
     OF_TOOL,
     Kind,
     LineMeaning,
     classify,
-    trailing_role,
     with_note,
     without_brackets,
 )
 from decmcts.formats.gcode.document import UNSET, StateTable
 from decmcts.formats.gcode.text.lines import EXPONENT, Lines
-from decmcts.print.contours import Role
 
 _TYPED = re.compile(rb"^;\s*(TYPE|FEATURE):", re.M)
 _NEXT_LAYER = re.compile(r"; move to next layer \((\d+)\)")
@@ -60,6 +60,16 @@ class Track:
     def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
         """Return the state in force when a line begins."""
         return np.asarray(self.states[np.searchsorted(self.lines, line, side="left") - 1])
+
+    def stops(self, reasons: Collection[str] | None = None) -> NDArray[np.int64]:
+        """Return the lines of all barriers, or of those for some reasons, ascending."""
+        due = [k for k, reason in self.barriers.items() if reasons is None or reason in reasons]
+        return np.array(sorted(due), np.int64)
+
+    def in_section(self, line: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Tell which lines stand in a slicer's tool change."""
+        k = np.searchsorted(self.sections[:, 0], line) - 1  # -1: above the first
+        return np.asarray(line < np.append(self.sections[:, 1], 0)[k])
 
 
 @dataclass(slots=True)
@@ -115,12 +125,15 @@ class _StateCollector:
             self.opened = -1
         elif kind == Kind.BARRIER:
             self.stop(event.text, event.slot, line)
-        elif kind == Kind.MODE and _changes(self.motion, line):
-            self.stop("coordinate mode", "", line)
+        elif kind == Kind.MODE and line > 0:
+            modes = self.motion.modes[line - 1 : line + 1, [RELATIVE_XYZ, RELATIVE_E]]
+            if (modes[0] != modes[1]).any():
+                self.stop("coordinate mode", "", line)
 
     def stop(self, reason: str, slot: str, line: int) -> None:
         """Take a barrier, unless it only repeats a temperature, and what it sets."""
-        code = _code(self.lines, line)
+        text = self.lines.raw(line).decode("utf-8", "surrogateescape").split(";", 1)[0]
+        code = " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
         if self.targets.again(code, reason):
             self.repeats.append(line)
             return
@@ -146,7 +159,8 @@ class _StateCollector:
         """Take role and layer from the comment behind a move, as if written above it."""
         lines = self.lines
         comment = lines.text[lines.comment[line] : lines.ends[line]].decode("utf-8", "replace")
-        if (role := trailing_role(comment)) != Role.UNKNOWN:
+        role = BY_NAME.get(comment.lstrip("; ").strip().lower())  # Slic3r's ``--gcode-comments``
+        if role:
             self.set_slot("type", f";TYPE:{CANONICAL[role]}", line - 1)
         elif match := _NEXT_LAYER.match(comment):
             self.layers.append(line)
@@ -216,13 +230,10 @@ class _StateCollector:
         elif event.params:
             self.merge(event.slot, event, line)
         else:
-            text = self._typed(event.text) if event.slot == "type" else event.text
+            text, above = event.text, self.get("type").split("\n")[0]
+            if event.slot == "type" and ":" in above and ":" not in text:
+                text = f"{above}\n{text}"  # of the type it is a kind of (Cura's `;BRIDGE`)
             self.set_slot(event.slot, text, line)
-
-    def _typed(self, text: str) -> str:
-        """Return a role's comment below the type it is a kind of (Cura's `;BRIDGE`), if it is."""
-        above = self.get("type").split("\n")[0]
-        return text if ":" in text or ":" not in above else f"{above}\n{text}"
 
     def merge(self, slot: str, event: LineMeaning, line: int, form: str = "") -> None:
         """Set the parameters of a command that holds them one by one."""
@@ -246,7 +257,7 @@ class _StateCollector:
     def leave_slot(self, slot: str, text: str, line: int) -> bool:
         """End the object in a slot and keep the words that end it; False where none is open."""
         where = self.slots.get(slot)
-        if where is None or where >= len(self.current) or self.current[where] == UNSET:
+        if where is None or self.current[where] == UNSET:
             return False
         self.leave[self.current[where]] = text
         self.set_slot(slot, "", line)
@@ -264,16 +275,16 @@ class _StateCollector:
 def track_state(lines: Lines, motion: Motion) -> Track:
     """Return the machine state and the barriers of a file.
 
-    Raises
-    ------
-    InputError
-        At a line with a number that is read in different ways, and where more is set than any
-        machine has.
+    Raises InputError at a line with a number that is read in different ways, and where more is set
+    than any machine has.
     """
     collector = _StateCollector(lines, motion)
     known = cache(classify)  # most lines say what others said
-    moves = (lines.letter == 71) & (lines.code <= 30)
-    for line in _event_lines(lines, moves).tolist():
+    moves = lines.moves
+    wanted = ~moves & (lines.ends > lines.starts)
+    if not _TYPED.search(lines.text):  # only comments behind moves name roles
+        wanted |= moves & (lines.comment < lines.ends)
+    for line in np.flatnonzero(wanted).tolist():
         if moves[line]:
             collector.take_comment(line)
         else:
@@ -286,25 +297,3 @@ def track_state(lines: Lines, motion: Motion) -> Track:
         np.asarray(collector.sections, np.int64).reshape(-1, 2), repeats, idle,
         frozenset(value for (_, left), value in collector.values.items() if left),
     )  # fmt: skip
-
-
-def _code(lines: Lines, line: int) -> str:
-    """Return the command of a line without comment, line number and checksum."""
-    text = lines.raw(line).decode("utf-8", "surrogateescape").split(";", 1)[0]
-    return " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
-
-
-def _event_lines(lines: Lines, moves: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the lines to classify: no moves, unless only their comments name roles."""
-    wanted = ~moves & (lines.ends > lines.starts)
-    if not _TYPED.search(lines.text):
-        wanted |= moves & (lines.comment < lines.ends)
-    return np.flatnonzero(wanted).astype(np.int64)
-
-
-def _changes(motion: Motion, line: int) -> bool:
-    """Tell whether a G90, G91, M82 or M83 line changed a mode."""
-    if line == 0:
-        return False
-    before, after = motion.modes[line - 1], motion.modes[line]
-    return bool((before[[RELATIVE_XYZ, RELATIVE_E]] != after[[RELATIVE_XYZ, RELATIVE_E]]).any())

@@ -84,13 +84,6 @@ def _name(body: str) -> str:
     return body.strip().lower().removeprefix("feature ")
 
 
-def is_role_comment(body: str) -> bool:
-    """Tell whether a comment (without its marks) names what the next beads are for."""
-    if _TYPED.match(body):
-        return True
-    return _name(body) in BY_NAME and (":" not in body)
-
-
 def is_layer_comment(body: str) -> bool:
     """Tell whether a comment (without its marks) begins a layer."""
     return _LAYER.match(body) is not None
@@ -100,11 +93,6 @@ def role_of(text: str) -> Role:
     """Return the role a comment, or the last of several, names; UNKNOWN for unknown words."""
     text = text[text.rfind("\n") + 1 :]
     return BY_NAME.get(_name(text.lstrip("; (").rstrip(") ")), Role.UNKNOWN)
-
-
-def trailing_role(comment: str) -> Role:
-    """Return the role a comment behind a move names (Slic3r's ``--gcode-comments``)."""
-    return BY_NAME.get(comment.lstrip("; ").strip().lower(), Role.UNKNOWN)
 
 
 class Kind(IntEnum):
@@ -143,7 +131,8 @@ _NOTHING = LineMeaning(Kind.NOTHING)
 def classify(raw: bytes) -> LineMeaning:
     """Return what a line (without its line end) means; moves are not asked about."""
     text = raw.decode("utf-8", "surrogateescape").strip()
-    if text[:1] == ";" or (text[:1] == "(" and not _behind_brackets(text)):
+    behind = without_brackets(text.split(";", 1)[0]).strip() if text[:1] == "(" else ""
+    if text[:1] in (";", "(") and not behind:
         return _comment(text)
     if text.endswith(DWELL_MARKS) and _DWELL.match(text):
         return _NOTHING
@@ -152,11 +141,6 @@ def classify(raw: bytes) -> LineMeaning:
     if not code.upper().startswith("M117"):
         code = re.sub(r"\*\d+\s*$", "", without_brackets(code)).strip()
     return _command(code) if code else _NOTHING
-
-
-def _behind_brackets(text: str) -> str:
-    """Return what a line commands besides its comments in brackets."""
-    return without_brackets(text.split(";", 1)[0]).strip()
 
 
 def without_brackets(code: str) -> str:
@@ -182,7 +166,7 @@ def _comment(text: str) -> LineMeaning:
         return LineMeaning(Kind.LAYER_NOTE, "layer", text)
     if stated == "mesh":
         return LineMeaning(Kind.STATE, "mesh", text)
-    if is_role_comment(body):
+    if _TYPED.match(body) or (_name(body) in BY_NAME and ":" not in body):
         return LineMeaning(Kind.STATE, "type", text)
     if is_layer_comment(body):
         return LineMeaning(Kind.LAYER, "layer", text)
@@ -221,7 +205,9 @@ def _command(code: str) -> LineMeaning:
     if name in _NUMBERS and _EXPONENT.search(rest):
         return LineMeaning(Kind.UNREADABLE)
     if name in _REPLACED and not (name == "M220" and re.search(r"[BR]", rest.upper())):
-        return _replaced(name, code, rest)
+        slot, selector = _REPLACED[name]
+        params = () if name == "M117" else _params(rest)
+        return LineMeaning(Kind.STATE, _selected(slot, selector, params), code)
     if name in _OF_TOOL:
         return _of_tool(name, code, rest)
     if name in _MERGED:
@@ -243,38 +229,30 @@ def _object(name: str, code: str, rest: str) -> LineMeaning | None:
     return None
 
 
-def _params(name: str, rest: str) -> Params:
+def _params(rest: str) -> Params:
     if "=" in rest:
         pairs = (word.split("=", 1) for word in rest.split() if "=" in word)
         return tuple((key.upper(), value) for key, value in pairs)
     return tuple((key.upper(), value) for key, value in _WORD.findall(rest))
 
 
-def _selected(slot: str, selectors: str, params: Params) -> str:
-    if selectors.isupper() and len(selectors) > 2:
-        chosen = [v for k, v in params if k == selectors]
-    else:
-        chosen = [v for k, v in params if k in selectors and k]
-    return f"{slot} {chosen[0]}" if chosen and chosen[0] not in ("", "0") else slot
-
-
-def _replaced(name: str, code: str, rest: str) -> LineMeaning:
-    slot, selectors = _REPLACED[name]
-    params = () if name == "M117" else _params(name, rest)
-    return LineMeaning(Kind.STATE, _selected(slot, selectors, params), code)
+def _selected(slot: str, selector: str, params: Params) -> str:
+    """Return the slot of the fan, say, that a command's `selector` names; "" for no selector."""
+    chosen = next((value for key, value in params if key and key == selector), "0")
+    return slot if chosen in ("", "0") else f"{slot} {chosen}"
 
 
 def _merged(name: str, code: str, rest: str) -> LineMeaning:
-    slot, selectors = _MERGED[name]
-    params = _params(name, rest)
+    slot, selector = _MERGED[name]
+    params = _params(rest)
     whole = code if name == "M593" else ""
-    slot = _selected(slot, selectors, params)
+    slot = _selected(slot, selector, params)
     return LineMeaning(Kind.STATE, slot, name, params or (("", ""),), whole=whole)
 
 
 def _of_tool(name: str, code: str, rest: str) -> LineMeaning:
     slot, selectors = _OF_TOOL[name]
-    params = _params(name, rest)
+    params = _params(rest)
     found = next(((key, value) for key, value in params if key in selectors), ("", ""))
     kept = tuple(word for word in params if word[0] not in selectors) or (("", ""),)
     tools = tuple(filter(None, found[1].split(":")))
@@ -285,7 +263,7 @@ def _of_tool(name: str, code: str, rest: str) -> LineMeaning:
 
 def _barrier(name: str, code: str, rest: str) -> LineMeaning:
     if name in _TEMPERATURE or (name == "G10" and "L" not in rest.upper()):
-        tool = dict(_params(name, rest)).get("T", "")
+        tool = dict(_params(rest)).get("T", "")
         where = {"M104": "hotend", "M109": "hotend", "M140": "bed", "M190": "bed"}.get(name, name)
         return LineMeaning(Kind.BARRIER, f"temperature {where}{tool}", "temperature change")
     if re.fullmatch(r"T-?\d+", name):

@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import role_of
 from decmcts.formats.gcode.document import StateTable
-from decmcts.formats.gcode.reading.grouping import Parsed, Runs, beyond_retracted
+from decmcts.formats.gcode.reading.grouping import Runs, beyond_retracted
 from decmcts.formats.gcode.reading.grouping_kernels import MOVED, heaviest_label
+from decmcts.formats.gcode.text.lines import Lines
 from decmcts.print.contours import Role
 
 DEFAULT_WIDTH_MM = 0.45
@@ -39,6 +41,17 @@ class MeasuredBeads:
 
 
 @dataclass(frozen=True, slots=True)
+class Parsed:
+    """A file as its lines, what they do, and its contours with their beads."""
+
+    lines: Lines
+    motion: Motion
+    track: Track
+    runs: Runs
+    beads: MeasuredBeads
+
+
+@dataclass(frozen=True, slots=True)
 class _MoveShapes:
     """How the extruding moves run, (k,), and their contours, (n,)."""
 
@@ -49,9 +62,8 @@ class _MoveShapes:
     level: NDArray[np.float64]  # (n,) z of its highest bead across the bed, else its lowest z
 
 
-def measure_beads(parsed: Parsed, *, filament_mm: float) -> MeasuredBeads:
+def measure_beads(motion: Motion, track: Track, runs: Runs, filament_mm: float) -> MeasuredBeads:
     """Return the bead of every contour and extruding move."""
-    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     moves = np.flatnonzero(runs.contour >= 0)
     ids = runs.contour[moves]
     state = track.at(motion.line[moves])
@@ -61,33 +73,30 @@ def measure_beads(parsed: Parsed, *, filament_mm: float) -> MeasuredBeads:
     step = _steps(shape.level, shape.flat)[ids]
     height = np.where(np.isnan(height) | (height <= 0), step, height)
     width = _stated(track.table, "width")[state]
-    inferred = _width_of(shape, height, filament_mm, ids, len(runs))
-    width = np.where(np.isnan(width) | (width <= 0), inferred, width)
-    width = np.where(shape.flat[ids], width, _round_width(shape, height, filament_mm, ids))
+    own = np.where(
+        shape.flat, _mean_width(shape, height, filament_mm, ids),
+        _round_width(shape, height, filament_mm, ids),
+    )  # fmt: skip
+    width = np.where(shape.flat[ids] & (width > 0.0), width, own[ids])
     roles = np.array([role_of(v) for v in track.table.values], np.int64)
-    column = _column(track.table, "type")
-    role = heaviest_label(offsets, shape.length, roles[column][state], len(Role))
+    role = roles[track.table.column("type")][state]
+    role = heaviest_label(offsets, shape.length, role, len(Role))
     return MeasuredBeads(
         np.maximum.reduceat(width, offsets[:-1]), np.maximum.reduceat(height, offsets[:-1]),
-        role.astype(np.int8), _layers(parsed, shape.level), width, height,
+        role.astype(np.int8), _layers(motion, track, runs, shape.level), width, height,
     )  # fmt: skip
-
-
-def _column(table: StateTable, slot: str) -> NDArray[np.int64]:
-    if slot not in table.slots:
-        return np.zeros(len(table.rows), np.int64)
-    return table.rows[:, table.slots.index(slot)].astype(np.int64)
 
 
 def _stated(table: StateTable, slot: str) -> NDArray[np.float64]:
     """Return the number each state gives for a slot; NaN where it gives none."""
     numbers = np.full(len(table.values), np.nan)
-    for k in np.unique(_column(table, slot)).tolist():
+    column = table.column(slot)
+    for k in np.unique(column).tolist():
         text = table.values[k].split(":", 1)
         match = _NUMBER.search(text[1]) if len(text) == 2 else None
         if match:
             numbers[k] = float(match.group())
-    return numbers[_column(table, slot)]
+    return numbers[column]
 
 
 def _steps(level: NDArray[np.float64], flat: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -116,28 +125,24 @@ def _shape_of(
     return _MoveShapes(pushed, length, across, flat, np.where(flat, highest, lowest))
 
 
-def _width_of(
-    shape: _MoveShapes,
-    height: NDArray[np.float64],
-    filament_mm: float,
-    ids: NDArray[np.int64],
-    n: int,
+def _mean_width(
+    shape: _MoveShapes, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return the mean width of each contour across the bed from its filament, per move."""
-    area = np.pi * filament_mm**2 / 4.0
+    """Return the mean width of each contour across the bed from its filament, (n,)."""
+    n, area = len(shape.flat), np.pi * filament_mm**2 / 4.0
     volume = np.bincount(ids, np.where(shape.across, shape.pushed, 0.0), n) * area
     side = np.bincount(ids, np.where(shape.across, shape.length * height, 0.0), n)
     width = np.divide(volume, side, out=np.zeros(n), where=side > 0)
     low, high = WIDTH_LIMITS_MM
     sound = (width >= low) & (width <= high)
     usual = float(np.median(width[sound])) if sound.any() else DEFAULT_WIDTH_MM
-    return np.where(sound, width, usual)[ids]
+    return np.where(sound, width, usual)
 
 
 def _round_width(
     shape: _MoveShapes, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return the diameter of contours that go nowhere across the bed, per move.
+    """Return the diameter of contours that go nowhere across the bed, (n,).
 
     Their filament is a cylinder, from a bead's height below the lowest point up to the
     highest: so high a vertical bead is, and a dot no higher than its bead.
@@ -147,14 +152,14 @@ def _round_width(
     climb = np.bincount(ids, shape.length, n)
     bead = np.bincount(ids, height, n) / np.maximum(np.bincount(ids, minlength=n), 1)
     width = np.sqrt(np.maximum(4.0 * volume / (np.pi * np.where(climb > 0.0, climb, bead)), 0.0))
-    return np.clip(width, WIDTH_LIMITS_MM[0], WIDEST_DOT_MM)[ids]
+    return np.clip(width, WIDTH_LIMITS_MM[0], WIDEST_DOT_MM)
 
 
-def _layers(parsed: Parsed, level: NDArray[np.float64]) -> NDArray[np.int32]:
+def _layers(
+    motion: Motion, track: Track, runs: Runs, level: NDArray[np.float64]
+) -> NDArray[np.int32]:
     """Return the layer of each contour: markers above it, else its level."""
-    motion, runs, track = parsed.motion, parsed.runs, parsed.track
     if len(track.layer_lines):
         above = np.searchsorted(track.layer_lines, motion.line[runs.first])
-        _, dense = np.unique(above, return_inverse=True)
-        return dense.astype(np.int32)
+        return np.unique(above, return_inverse=True)[1].astype(np.int32)
     return np.unique(np.round(level, 4), return_inverse=True)[1].astype(np.int32)

@@ -8,8 +8,6 @@ look like its purge.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,14 +15,8 @@ from decmcts.formats.gcode.controller.held import WordKey, keys_of
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
-from decmcts.formats.gcode.reading.beads import MeasuredBeads
-from decmcts.formats.gcode.reading.grouping import (
-    DOT_MM,
-    REFILLS,
-    RESTART_MM,
-    Parsed,
-    beyond_retracted,
-)
+from decmcts.formats.gcode.reading.beads import Parsed
+from decmcts.formats.gcode.reading.grouping import DOT_MM, REFILLS, RESTART_MM, beyond_retracted
 
 DOWN_MM = 1e-3  # heights nearer than that are one
 _WHOLE: WordKey = ("", "")  # what a command sets that is said whole
@@ -33,9 +25,7 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 
-def state_edges(
-    parsed: Parsed, beads: MeasuredBeads
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def state_edges(parsed: Parsed) -> tuple[Bools, Bools]:
     """Return the contours an epoch begins at, and those that set something first, (n,) bool.
 
     The latter run one way only: reversed, what holds behind the command would hold
@@ -46,10 +36,12 @@ def state_edges(
     edge, one_way = np.zeros(len(runs), np.bool_), np.zeros(len(runs), np.bool_)
     first = track.table.rows[track.at(motion.line[runs.first])]
     last = track.table.rows[track.at(motion.line[runs.last])]
-    _mark_first_layer(edge, parsed, beads)
+    _mark_first_layer(edge, parsed)
     for k, slot in enumerate(track.table.slots):
         used = np.unique([first[:, k], last[:, k]])
-        if slot in DESCRIBES or slot.startswith(SILENT) or _can_be_left(track, slot, used):
+        ends = [track.table.leave[value] for value in used.tolist() if value != UNSET]
+        can_be_left = slot in BEFORE_TRAVEL and all(ends)  # of an object's or label's values each
+        if slot in DESCRIBES or slot.startswith(SILENT) or can_be_left:
             continue
         sets, grows = _growth(track, used)
         if not grows.any():
@@ -80,11 +72,11 @@ def _is_primed(parsed: Parsed) -> bool:
     return bool((still & (surplus > DOT_MM) & ~restarts).any())
 
 
-def _mark_dots(edge: NDArray[np.bool_], parsed: Parsed) -> None:
+def _mark_dots(edge: Bools, parsed: Parsed) -> None:
     """Mark in place the first dot between two tool changes, and what follows the last."""
     motion, runs, track = parsed.motion, parsed.runs, parsed.track
-    refills = sorted(line for line, reason in track.barriers.items() if reason in REFILLS)
-    if not refills:
+    refills = track.stops(REFILLS)
+    if not len(refills):
         return
     moves = np.flatnonzero(runs.contour >= 0)
     delta = motion.points[moves + 1, :2] - motion.points[moves, :2]
@@ -96,12 +88,6 @@ def _mark_dots(edge: NDArray[np.bool_], parsed: Parsed) -> None:
     edge[dots[begins]] = True
     behind = dots[np.append(begins[1:], len(dots)) - 1] + 1 if len(dots) else dots
     edge[behind[behind < len(runs)]] = True
-
-
-def _can_be_left(track: Track, slot: str, used: NDArray[np.int32]) -> bool:
-    """Tell whether the source has a command that ends each of an object's or label's values."""
-    table = track.table
-    return slot in BEFORE_TRAVEL and all(table.leave[k] for k in used.tolist() if k != UNSET)
 
 
 def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
@@ -121,19 +107,19 @@ def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
     return sets, np.array(grows, np.bool_)
 
 
-def _mark_first_layer(edge: NDArray[np.bool_], parsed: Parsed, beads: MeasuredBeads) -> None:
+def _mark_first_layer(edge: Bools, parsed: Parsed) -> None:
     """Mark in place where the second layer begins, if cooling is another there.
 
     Not where the print comes down again to the first, for the next of several parts, nor where the
     first does not lie on the bed, as in what is left of a print.
     """
-    motion, runs, track, layer = parsed.motion, parsed.runs, parsed.track, beads.layer
-    later = np.flatnonzero(layer > 0)
+    motion, runs, track, beads = parsed.motion, parsed.runs, parsed.track, parsed.beads
+    later = np.flatnonzero(beads.layer > 0)
     fans = [k for k, slot in enumerate(track.table.slots) if slot.startswith("fan")]
     if not len(later) or not later[0] or not fans:
         return
     z = motion.points[runs.last + 1, 2]
-    if (layer[later[0] :] == 0).any() or z[later[0] :].min() < z[: later[0]].max() + DOWN_MM:
+    if (beads.layer[later[0] :] == 0).any() or z[later[0] :].min() < z[: later[0]].max() + DOWN_MM:
         return
     low = int(np.argmin(z[: later[0]]))
     if z[low] - beads.height[low] > beads.height[low] - DOWN_MM:  # a layer fits below it
@@ -141,12 +127,7 @@ def _mark_first_layer(edge: NDArray[np.bool_], parsed: Parsed, beads: MeasuredBe
     moves = np.flatnonzero(runs.contour >= 0)
     state, below = track.at(motion.line[moves]), runs.contour[moves] < later[0]
     first, rest = (
-        {tuple(row) for row in track.table.rows[_members(states)][:, fans].tolist()}
+        {tuple(row) for row in track.table.rows[np.unique(states)][:, fans].tolist()}
         for states in (state[below], state[~below])
     )
     edge[later[0]] = first != rest
-
-
-def _members(numbers: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
-    """Return which small numbers there are, ascending; linear in how many are given."""
-    return np.flatnonzero(np.bincount(numbers))

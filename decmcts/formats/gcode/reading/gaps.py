@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode.controller.limits import travel_kinds
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
-from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.document import UNSET, Block, Cursor
-from decmcts.formats.gcode.reading.grouping import Parsed
+from decmcts.formats.gcode.reading.beads import Parsed
 from decmcts.formats.gcode.text.lines import Lines
 from decmcts.formats.gcode.text.scan_kernels import X, Z
 from decmcts.print.job import Barrier
@@ -60,7 +59,7 @@ def gaps_of(parsed: Parsed) -> Gaps:
     motion, runs = parsed.motion, parsed.runs
     begin, end = runs.last[:-1] + 1, runs.first[1:]
     total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])  # pushed less pulled before moves
-    tool = motion.modes[motion.line, TOOL].astype(np.int64)
+    tool = motion.tool
     lowest = total[begin]
     if len(begin):
         pairs = np.stack([begin, end + 1], axis=1).ravel()
@@ -95,13 +94,11 @@ def deposits(motion: Motion, gaps: Gaps) -> Bools:
 def _left_by_changes(motion: Motion, gaps: Gaps) -> Bools:
     """Tell which of the gaps with a change of tools leave filament, in their order."""
     held: dict[int, float] = {}  # net of each tool since its last contour
-    found = []
+    found, tools = [], motion.tool
     for k in np.flatnonzero(gaps.changes).tolist():
         span = slice(int(gaps.begin[k]), int(gaps.end[k]))
-        for tool, filament in zip(
-            motion.modes[motion.line[span], TOOL].tolist(), motion.extrusion[span].tolist(),
-            strict=True,
-        ):  # fmt: skip
+        pushes = zip(tools[span].tolist(), motion.extrusion[span].tolist(), strict=True)
+        for tool, filament in pushes:
             held[tool] = held.get(tool, 0.0) + filament
         left = held.pop(int(gaps.tool[k]), 0.0)
         found.append(abs(left) > DEPOSIT_MM and abs(gaps.net[k]) > DEPOSIT_MM)
@@ -111,10 +108,7 @@ def _left_by_changes(motion: Motion, gaps: Gaps) -> Bools:
 def unsettled(gaps: Gaps, unknown: Bools) -> Bools:
     """Tell which gaps leave to a macro what they pull or push, (n - 1,).
 
-    Parameters
-    ----------
-    unknown : (n - 1,) bool
-        Gaps with a line of which it is not known what it does to the filament.
+    Of `unknown` ones, (n - 1,), it is not known what a line in them does to the filament.
     """
     usual = float(np.median(gaps.net[~unknown])) if (~unknown).any() else 0.0
     settled = np.abs(gaps.net - (usual if abs(usual) < DEPOSIT_MM else 0.0)) <= SETTLED_MM
@@ -225,9 +219,11 @@ def find_blocks(
     whole = np.zeros(n, np.bool_)
     whole[1:] = towers[1:] & towers[:-1]
     held = np.zeros(n, np.bool_)
-    held[1:] = deposits(motion, gaps) | unsettled(gaps, _unknown(track, begin, end))
+    unknown = track.stops(UNKNOWN)
+    unseen = np.searchsorted(unknown, end) > np.searchsorted(unknown, begin)
+    held[1:] = deposits(motion, gaps) | unsettled(gaps, np.asarray(unseen))
     whole |= held
-    walls = np.fromiter(track.barriers, np.int64, len(track.barriers))
+    walls = track.stops()
     low, high = np.searchsorted(walls, begin), np.searchsorted(walls, end)
     broken = np.zeros(n, np.bool_)
     broken[1:] = high > low
@@ -248,13 +244,6 @@ def find_blocks(
     named = [b for b in track.barriers.items() if begin[0] <= b[0] < end[-1]] if n > 1 else []
     barriers = _named(parsed.lines, named, blocks)
     return Blocks(tuple(blocks), barriers, epoch, tied, held, broken | whole)
-
-
-def _unknown(track: Track, begin: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which gaps have a line that may move filament of its own, (n - 1,)."""
-    reasons = track.barriers.items()
-    rows = np.array([line for line, reason in reasons if reason in UNKNOWN], np.int64)
-    return np.asarray(np.searchsorted(rows, end) > np.searchsorted(rows, begin))
 
 
 def _block(parsed: Parsed, span: tuple[int, int], epoch: int) -> Block:

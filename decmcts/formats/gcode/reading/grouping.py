@@ -71,18 +71,6 @@ def with_dots_apart(motion: Motion) -> Motion:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class _MoveKinds:
-    """What the moves of a file do, each (m,)."""
-
-    across: Bools
-    climbs: Bools  # or falls
-    bead: Bools  # across, with filament, in the print
-    upright: Bools  # up or down, with filament beyond what was retracted, in the print
-    still: Bools  # neither, with such filament, in the print
-    pays: Bools  # what is pushed pays back what was retracted
-
-
 def laying_moves(motion: Motion, track: Track, surplus: Floats, parts: Ints, first: int) -> Bools:
     """Tell which moves lay down material, (m,); linear in their number.
 
@@ -92,31 +80,25 @@ def laying_moves(motion: Motion, track: Track, surplus: Floats, parts: Ints, fir
     parts : (m,) number of the stretch between barriers that each move is in
     first : the first move of the print
     """
-    moves = _moves_of(motion, surplus, first)
-    given = moves.upright | moves.still
-    if not given.any():
-        return moves.bead
-    turns = moves.across | (motion.extrusion < -PUSHED)
-    at_once = _next_is_bead(moves.bead, turns | moves.climbs, parts)
-    lowered = _next_is_bead(moves.bead, turns | (moves.upright), parts)
-    restart = moves.pays & (surplus <= RESTART_MM)
-    restart |= moves.pays & lowered & (surplus <= NEAR_RESTART_MM)
-    given &= ~restart & ~(moves.still & at_once)
-    rises = moves.upright & ~moves.pays & (motion.points[1:, 2] > motion.points[:-1, 2])
-    return np.asarray(moves.bead | (given & _printed(motion, track, given, moves.bead | rises)))
-
-
-def _moves_of(motion: Motion, surplus: Floats, first: int) -> _MoveKinds:
     delta = np.diff(motion.points, axis=0)
     across = delta[:, 0] ** 2 + delta[:, 1] ** 2 > MOVED**2
-    climbs = ~across & (np.abs(delta[:, 2]) > MOVED)
+    climbs = ~across & (np.abs(delta[:, 2]) > MOVED)  # or falls
     pushes = motion.extrusion > PUSHED
     pushes[:first] = False
+    bead = pushes & across
     given = pushes & ~across & (surplus > DOT_MM)
-    return _MoveKinds(
-        across, climbs, pushes & across, given & climbs, given & ~climbs,
-        motion.extrusion > surplus + DOT_MM,
-    )  # fmt: skip
+    if not given.any():
+        return bead
+    pays = motion.extrusion > surplus + DOT_MM  # back what was retracted
+    upright = given & climbs
+    turns = across | (motion.extrusion < -PUSHED)
+    at_once = _next_is_bead(bead, turns | climbs, parts)
+    lowered = _next_is_bead(bead, turns | upright, parts)
+    restart = pays & (surplus <= RESTART_MM)
+    restart |= pays & lowered & (surplus <= NEAR_RESTART_MM)
+    given &= ~restart & (climbs | ~at_once)
+    rises = upright & ~pays & (delta[:, 2] > 0.0)
+    return np.asarray(bead | (given & _printed(motion, track, given, bead | rises)))
 
 
 def _next_is_bead(bead: Bools, turns: Bools, parts: Ints) -> Bools:
@@ -138,51 +120,26 @@ def _printed(motion: Motion, track: Track, given: Bools, sure: Bools) -> Bools:
     rows = np.arange(m)
     before = np.maximum.accumulate(np.where(sure, rows, -1))
     behind = np.minimum.accumulate(np.where(sure, rows, m)[::-1])[::-1]
-    walls = np.sort(np.fromiter(track.barriers, np.int64, len(track.barriers)))
-    refills = np.array(
-        sorted(line for line, reason in track.barriers.items() if reason in REFILLS), np.int64
-    )
-    part = np.searchsorted(walls, motion.line)
-    fed = np.searchsorted(refills, motion.line)
+    part = np.searchsorted(track.stops(), motion.line)
+    fed = np.searchsorted(track.stops(REFILLS), motion.line)
     a, b = np.maximum(before, 0), np.minimum(behind, m - 1)
     above, below = part == part[a], part == part[b]
     leading = (before < 0) & (below | (behind == m))
-    leading &= bool(len(track.layer_lines)) or _several(motion, given & leading)
-    ends = np.where(before >= 0, above, True) & (behind == m)
+    if not len(track.layer_lines):
+        places = np.unique(np.round(motion.points[1:][given & leading], 3), axis=0)
+        leading &= len(places) >= FEW_DOTS
+    ends = (before >= 0) & above & (behind == m)
     amid = (before >= 0) & (behind < m) & (above | below) & (fed[a] == fed[b])
-    allowed = amid | leading | (ends & (before >= 0))
-    return np.asarray(allowed & _by_slicer(motion, track))
-
-
-def _several(motion: Motion, dots: Bools) -> bool:
-    """Tell whether these moves stand at several places."""
-    places = np.unique(np.round(motion.points[1:][dots], 3), axis=0)
-    return len(places) >= FEW_DOTS
+    return np.asarray((amid | leading | ends) & _by_slicer(motion, track))
 
 
 def _by_slicer(motion: Motion, track: Track) -> Bools:
     """Tell which moves stand neither in a tool change, nor in custom G-code, nor in G91, (m,)."""
     table, line = track.table, motion.line
     roles = np.array([role_of(v) for v in table.values], np.int64)
-    role = np.zeros(len(table.rows), np.int64)
-    if "type" in table.slots:
-        role = roles[table.rows[:, table.slots.index("type")]]
-    inside = ~np.isin(role, _NOT_PRINTED)[track.at(line)]
-    inside &= motion.modes[line, RELATIVE_XYZ] == 0
-    if len(track.sections):
-        k = np.maximum(np.searchsorted(track.sections[:, 0], line) - 1, 0)
-        inside &= (line < track.sections[k, 0]) | (line >= track.sections[k, 1])
-    return np.asarray(inside)
-
-
-@dataclass(frozen=True, slots=True)
-class Parsed:
-    """A file as its lines, what they do, and its contours."""
-
-    lines: Lines
-    motion: Motion
-    track: Track
-    runs: Runs
+    printed = ~np.isin(roles[table.column("type")], _NOT_PRINTED)[track.at(line)]
+    absolute = motion.modes[line, RELATIVE_XYZ] == 0
+    return np.asarray(printed & absolute & ~track.in_section(line))
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,16 +158,11 @@ class Runs:
 def find_runs(lines: Lines, motion: Motion, track: Track) -> Runs:
     """Return the contours of the print.
 
-    Raises
-    ------
-    InputError
-        When nothing is extruded.
+    Raises InputError when nothing is extruded.
     """
     body = _first_line(lines, motion, track)
     first = int(motion.before[body])
-    walls = np.sort(
-        np.concatenate([np.fromiter(track.barriers, np.int64, len(track.barriers)), track.splits])
-    )
+    walls = np.sort(np.concatenate([track.stops(), track.splits]))
     parts = np.searchsorted(walls, motion.line)
     surplus = beyond_retracted(motion)
     lays = laying_moves(motion, track, surplus, parts, first)
@@ -235,9 +187,7 @@ def _first_line(lines: Lines, motion: Motion, track: Track) -> int:
     """Return the line of the first layer marker, or the end of the set-up commands."""
     if len(track.layer_lines):
         return int(track.layer_lines[0])
-    setup = ((lines.letter == 77) & np.isin(lines.code, _SETUP_M)) | (
-        (lines.letter == 71) & np.isin(lines.code, _SETUP_G)
-    )
+    setup = lines.are("M", _SETUP_M) | lines.are("G", _SETUP_G)
     given = motion.extrusion > 0
     across = given & (np.diff(motion.points[:, :2], axis=0) != 0).any(axis=1)
     pushes = np.flatnonzero(across if across.any() else given)
@@ -251,35 +201,25 @@ def _first_line(lines: Lines, motion: Motion, track: Track) -> int:
 def refuse_unsafe(lines: Lines, motion: Motion, runs: Runs) -> None:
     """Refuse what cannot be put in another order safely.
 
-    Raises
-    ------
-    InputError
-        When the print extrudes in relative coordinates or sets X, Y or Z anew.
+    Raises InputError when the print extrudes in relative coordinates or sets X, Y or Z anew.
     """
-    begin, end = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
-    inside = runs.contour >= 0
-    relative = np.flatnonzero((motion.modes[motion.line, 0] == 1) & inside)
-    if len(relative):
-        raise lines.refuse(
-            int(motion.line[relative[0]]),
-            "the print extrudes in relative coordinates (G91)",
-            "set the slicer to absolute positions",
-        )
-    placed = np.flatnonzero(motion.placed[begin:end] & (lines.code[begin:end] == 920)) + begin
-    if len(placed):
-        raise lines.refuse(
-            int(placed[0]),
-            "G92 moves the origin of X, Y or Z during the print",
-            "a position means two places then; remove it from the custom G-code",
-        )
-    offsets = (lines.letter == 71) & (lines.code >= 530) & (lines.code < 600)
-    framed = np.flatnonzero(offsets[begin:end]) + begin
-    if len(framed):
-        raise lines.refuse(
-            int(framed[0]),
-            "a work coordinate system changes during the print",
-            "a position means two places then; remove it from the custom G-code",
-        )
-    volumetric = motion.extruder[begin:end, 2]
-    if len(changed := np.flatnonzero(np.diff(volumetric) != 0)):
-        raise lines.refuse(int(changed[0]) + begin + 1, "M200 changes what E means in the print")
+    lays, inside = np.zeros(len(lines), np.bool_), np.zeros(len(lines), np.bool_)
+    lays[motion.line[runs.contour >= 0]] = True
+    inside[motion.line[runs.first[0]] : motion.line[runs.last[-1]]] = True
+    lines.refuse_first(
+        lays & (motion.modes[:, RELATIVE_XYZ] == 1),
+        "the print extrudes in relative coordinates (G91)",
+        "set the slicer to absolute positions",
+    )
+    two_places = "a position means two places then; remove it from the custom G-code"
+    origin = motion.placed & (lines.code == 920)
+    system = lines.are("G", range(530, 600))
+    lines.refuse_first(
+        inside & origin, "G92 moves the origin of X, Y or Z during the print", two_places
+    )
+    lines.refuse_first(
+        inside & system, "a work coordinate system changes during the print", two_places
+    )
+    area = motion.extruder[:, 2]
+    changes = np.append(False, area[1:] != area[:-1])
+    lines.refuse_first(inside & changes, "M200 changes what E means in the print")

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
-from decmcts.formats.gcode.controller.moves_kernels import TOOL
 from decmcts.formats.gcode.dialects.stated_times import silent_share
 from decmcts.formats.gcode.document import Habits
+from decmcts.formats.gcode.reading.beads import Parsed
 from decmcts.formats.gcode.reading.gaps import PULLED, Gaps
-from decmcts.formats.gcode.reading.grouping import Parsed, Runs
 from decmcts.formats.slicers.known import either, every
 from decmcts.print.contours import Contours
 from decmcts.print.job import ProcessSettings, Retraction
@@ -86,7 +85,7 @@ def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = No
 def infer_settings(parsed: Parsed, gaps: Gaps) -> tuple[ProcessSettings, Habits]:
     """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
     text, motion = parsed.lines.text, parsed.motion
-    moves = _GapMoves.of(motion, parsed.runs)
+    moves = _GapMoves.of(parsed)
     delta = np.diff(motion.points, axis=0)
     travel = moves.gap & ~moves.still & ~moves.pull & ~moves.push
     upright = moves.gap & moves.still & ~moves.pull & ~moves.push & (np.abs(delta[:, 2]) > 1e-9)
@@ -94,7 +93,8 @@ def infer_settings(parsed: Parsed, gaps: Gaps) -> tuple[ProcessSettings, Habits]
     length = np.linalg.norm(motion.points[gaps.end] - motion.points[gaps.begin], axis=1)
     of_tool = _retractions(parsed, gaps, moves)
     usual = max(of_tool, key=lambda tool: (of_tool[tool][1], -tool))
-    retracts = np.isin(gaps.tool, [t for t, (one, _) in of_tool.items() if _any_of(one)])
+    has = [t for t, (one, _) in of_tool.items() if one.firmware_retraction or one.retract_mm > 0.0]
+    retracts = np.isin(gaps.tool, has)
     settings = ProcessSettings(
         travel_feed=_usual(motion.feed[travel], moves.across[travel]),
         retract_min_travel_mm=_threshold(length[retracts], pulled[retracts]),
@@ -105,11 +105,8 @@ def infer_settings(parsed: Parsed, gaps: Gaps) -> tuple[ProcessSettings, Habits]
     ).for_tool(usual)
     main = of_tool[usual][0]
     others = [(tool, one) for tool, (one, _) in of_tool.items() if not _alike(one, main)]
-    return replace(settings, of_tools=tuple(sorted(others, key=lambda each: each[0]))), Habits(
-        resets_e=_resets_e(parsed),
-        progress=_progress(parsed),
-        silent_share=silent_share(text),
-    )
+    settings = replace(settings, of_tools=tuple(sorted(others, key=lambda each: each[0])))
+    return settings, _habits(parsed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,25 +121,21 @@ class _GapMoves:
     tool: NDArray[np.int64]
 
     @staticmethod
-    def of(motion: Motion, runs: Runs) -> _GapMoves:
+    def of(parsed: Parsed) -> _GapMoves:
+        motion, runs = parsed.motion, parsed.runs
         gap = np.zeros(len(motion.extrusion), np.bool_)
         gap[runs.first[0] : runs.last[-1] + 1] = True
         delta = np.diff(motion.points, axis=0)
         across = np.hypot(delta[:, 0], delta[:, 1])
         return _GapMoves(
             gap & (runs.contour < 0), across < 1e-9, motion.extrusion < -1e-5,
-            motion.extrusion > 1e-5, across, motion.modes[motion.line, TOOL].astype(np.int64),
+            motion.extrusion > 1e-5, across, motion.tool,
         )  # fmt: skip
 
 
 def _alike(one: Retraction, other: Retraction) -> bool:
     """Tell whether two tools retract the same way; wipes are measured, and vary a little."""
     return bool(np.allclose(astuple(one), astuple(other), rtol=ALIKE, atol=1e-6))
-
-
-def _any_of(retraction: Retraction) -> bool:
-    """Tell whether a tool retracts at all."""
-    return retraction.firmware_retraction or retraction.retract_mm > 0.0
 
 
 def _retractions(parsed: Parsed, gaps: Gaps, moves: _GapMoves) -> dict[int, tuple[Retraction, int]]:
@@ -152,37 +145,29 @@ def _retractions(parsed: Parsed, gaps: Gaps, moves: _GapMoves) -> dict[int, tupl
     habit, and no more may be pulled than the source does.
     """
     motion, runs = parsed.motion, parsed.runs
-    of_contour = motion.modes[motion.line[runs.first], TOOL].astype(np.int64)
+    of_contour = motion.tool[runs.first]
     found: dict[int, tuple[Retraction, int]] = {}
-    for tool, count in zip(
-        *(x.tolist() for x in np.unique(of_contour, return_counts=True)), strict=True
-    ):
+    for tool in np.unique(of_contour).tolist():
         own, made = (gaps.tool == tool) & ~gaps.changes, moves.tool == tool
         feeds = tuple(
             _usual(motion.feed[moves.gap & made & moves.still & way]) or 40.0
             for way in (moves.pull, moves.push)
         )
-        amount = _usual_pull(gaps.depth[own])
+        pulled = gaps.depth[own & (gaps.depth > PULLED)]
+        amount = round(float(np.median(pulled)), 6) if len(pulled) else 0.0
         by_firmware = bool(gaps.firmware[own].sum() * 2 > max(1, gaps.pulled[own].sum()))
-        if by_firmware:
-            last = int(runs.last[np.flatnonzero(of_contour == tool)[-1]])
-            amount, feeds = _stated_for_firmware(parsed, int(motion.line[last]))
+        if by_firmware:  # moves show neither its length nor its feeds
+            last = int(motion.line[runs.last[np.flatnonzero(of_contour == tool)[-1]]])
+            firmware = FirmwareRetraction.of(parsed.lines.text, parsed.track)
+            pull, push = (firmware.at(last, pull=way) for way in (True, False))
+            amount, feeds = -pull[0], (pull[1], push[1])
         wiping = moves.gap & made & ~moves.still & moves.pull
-        found[tool] = (
-            Retraction(
-                amount, feeds[0], feeds[1], _hop(motion, gaps, gaps.pulled & own), by_firmware,
-                **_wipe(motion, gaps, wiping, moves.across, gaps.pulled & own),
-            ),
-            count,
+        habit = Retraction(
+            amount, feeds[0], feeds[1], _hop(motion, gaps, gaps.pulled & own), by_firmware,
+            **_wipe(motion, gaps, wiping, moves.across, gaps.pulled & own),
         )  # fmt: skip
+        found[tool] = habit, int((of_contour == tool).sum())
     return found
-
-
-def _stated_for_firmware(parsed: Parsed, line: int) -> tuple[float, tuple[float, ...]]:
-    """Return length, and feeds back and forth, of firmware retraction: moves don't show them."""
-    firmware = FirmwareRetraction.of(parsed.lines.text, parsed.track)
-    pull, push = (firmware.at(line, pull=way) for way in (True, False))
-    return -pull[0], (pull[1], push[1])
 
 
 def _usual_acceleration(
@@ -195,26 +180,17 @@ def _usual_acceleration(
     return _usual(acceleration[known], length[travel][known])
 
 
-def _usual_pull(pulled: NDArray[np.float64]) -> float:
-    """Return the median of what is retracted in a gap, where anything is, mm."""
-    some = pulled[pulled > PULLED]
-    return round(float(np.median(some)), 6) if len(some) else 0.0
-
-
-def _progress(parsed: Parsed) -> str:
-    """Return which parameters of M73 occur between the first bead and the last."""
+def _habits(parsed: Parsed) -> Habits:
+    """Return what commands between the first bead and the last show."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     first, last = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
-    rows = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
-    words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in rows.tolist()})
-    return "".join(letter for letter in "PRQS" if letter.encode() in words)
-
-
-def _resets_e(parsed: Parsed) -> bool:
-    """Tell whether a G92 stands between the first bead and the last."""
-    lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
-    span = slice(int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]]))
-    return bool(((lines.letter[span] == 71) & (lines.code[span] == 920)).any())
+    rows = np.flatnonzero(lines.are("M", (730,))[first:last]) + first
+    words = b"".join({lines.raw(k).split(b";")[0].upper() for k in rows.tolist()})
+    return Habits(
+        resets_e=bool(lines.are("G", (920,))[first:last].any()),
+        progress="".join(letter for letter in "PRQS" if letter.encode() in words),
+        silent_share=silent_share(lines.text),
+    )
 
 
 def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
@@ -270,11 +246,7 @@ def with_bare_travels(
     """Return the settings with the travels inside the part that the source leaves bare.
 
     Their greatest length is learned, and their greatest climb to a next layer; 0 for no such habit.
-
-    Parameters
-    ----------
-    pulled : (n - 1,)
-        Whether the source retracts between a contour and the next.
+    `pulled` says whether the source retracts between a contour and the next, (n - 1,).
     """
     if not pulled.any():
         return settings

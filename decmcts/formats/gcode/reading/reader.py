@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, interpret
-from decmcts.formats.gcode.controller.moves_kernels import TOOL
 from decmcts.formats.gcode.controller.state import track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
-from decmcts.formats.gcode.reading.beads import MeasuredBeads, measure_beads
+from decmcts.formats.gcode.reading.beads import Parsed, measure_beads
 from decmcts.formats.gcode.reading.edges import state_edges
 from decmcts.formats.gcode.reading.gaps import (
     Blocks,
@@ -32,7 +31,6 @@ from decmcts.formats.gcode.reading.gaps import (
 )
 from decmcts.formats.gcode.reading.grouping import (
     REFILLS,
-    Parsed,
     find_runs,
     refuse_unsafe,
     with_dots_apart,
@@ -47,7 +45,6 @@ from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.slicers.known import either, together
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
-from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limits_of
 from decmcts.print.motion_kernels import PRINTING
 
@@ -67,22 +64,15 @@ class Ending:
     top: float  # z of the highest bead, mm
 
 
-@dataclass(frozen=True, slots=True)
-class _ParsedWithBeads(Parsed):
-    beads: MeasuredBeads
-
-
-def _parse(
-    path: Path | str, plate: int | None = None, text: bytes | None = None
-) -> _ParsedWithBeads:
+def _parse(path: Path | str, plate: int | None = None, text: bytes | None = None) -> Parsed:
     text = load_text(path, plate) if text is None else text
     lines = split_lines(text, path)
     motion = with_dots_apart(interpret(lines))
     track = track_state(lines, motion)
     runs = find_runs(lines, motion, track)
     refuse_unsafe(lines, motion, runs)
-    beads = measure_beads(Parsed(lines, motion, track, runs), filament_mm=filament_diameter(text))
-    return _ParsedWithBeads(lines, motion, track, runs, beads)
+    beads = measure_beads(motion, track, runs, filament_diameter(text))
+    return Parsed(lines, motion, track, runs, beads)
 
 
 def read_gcode(
@@ -95,13 +85,10 @@ def read_gcode(
     Contours have chords at most 0.005 mm from an arc; the document keeps the arcs.
     Extrusions above the first layer marker (purge lines) belong to the preamble.
 
-    Raises
-    ------
-    InputError
-        When the file is damaged, or holds something that cannot be put in
-        another order safely; the message names the line.
+    Raises InputError when the file is damaged, or holds something that cannot be put in another
+    order safely; the message names the line.
     """
-    job, document = _print_of(_parse(path, plate, text), path, plate)
+    job, document = _print_of(_parse(path, plate, text), plate)
     return job, document if text is None else replace(document, text=text)
 
 
@@ -110,25 +97,23 @@ def read_written(
 ) -> tuple[PrintJob, GcodeDocument, Motions, Ending]:
     """Read a file made from `document`, its moves, and what it leaves to the end code, at once.
 
-    Raises
-    ------
-    InputError
-        As `read_gcode`, and when the file does not end with the end G-code of `document`.
+    Raises InputError as `read_gcode`, and when the file does not end with the end G-code of
+    `document`.
     """
     parsed = _parse(path, plate)
-    ending = _ending(parsed, document, path)
-    job, ours = _print_of(parsed, path, plate)
+    ending = _ending(parsed, document)
+    job, ours = _print_of(parsed, plate)
     return job, ours, ours.moves, ending
 
 
-def _ending(parsed: _ParsedWithBeads, document: GcodeDocument, path: Path | str) -> Ending:
+def _ending(parsed: Parsed, document: GcodeDocument) -> Ending:
     due = [code for row in document.postamble.split(b"\n") if (code := command_of(row))]
     rows = parsed.lines.text.rstrip().split(b"\n")
     line = len(rows)
     for wanted in reversed(due):  # command by command: comments may have come or gone
         line = next((k for k in range(line - 1, -1, -1) if command_of(rows[k])), -1)
         if line < 0 or command_of(rows[line]) != wanted:
-            raise InputError("the end G-code is not the source's", path=path)
+            raise InputError("the end G-code is not the source's", path=parsed.lines.path)
     line = above_comments(rows.__getitem__, line, document.postamble)
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
@@ -137,13 +122,11 @@ def _ending(parsed: _ParsedWithBeads, document: GcodeDocument, path: Path | str)
     return Ending(cursor, parsed.track.table, (x, y, z), top)
 
 
-def _print_of(
-    parsed: _ParsedWithBeads, path: Path | str, plate: int | None = None
-) -> tuple[PrintJob, GcodeDocument]:
-    """Return the job and the document of a parsed file."""
+def _print_of(parsed: Parsed, plate: int | None) -> tuple[PrintJob, GcodeDocument]:
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
-    towers = _towers(parsed)
-    edges, one_way = state_edges(parsed, parsed.beads)
+    towers = parsed.track.in_section(motion.line[runs.first])  # they keep their place in it
+    towers |= parsed.beads.role == Role.WIPE_TOWER
+    edges, one_way = state_edges(parsed)
     gaps = gaps_of(parsed)
     blocks = find_blocks(parsed, gaps, edges=edges, towers=towers)
     contours, point_state, point_arc = _contours(parsed, blocks, one_way)
@@ -154,7 +137,7 @@ def _print_of(
     start = cursor_at(parsed, top, owed=net_behind(parsed, top))
     first = int(motion.line[runs.first[0]])
     document = GcodeDocument(
-        str(path), lines.span(0, top), lines.span(bottom, len(lines)),
+        lines.path, lines.span(0, top), lines.span(bottom, len(lines)),
         b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
         start, cursor_at(parsed, bottom, owed=0.0), blocks.blocks,
         replace(parsed.track.table, travel=travel_states(parsed)), point_state,
@@ -162,11 +145,12 @@ def _print_of(
         bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
         point_arc, motion.arcs, plate, _motions_of(parsed),
     )  # fmt: skip
-    name = _PACKED.sub("", Path(path).name).rsplit(".", 1)[0]
+    name = _PACKED.sub("", Path(lines.path).name).rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
     accelerations = commanded(parsed.track.table, PRINTING, stated)[point_state]
     unstated = bool(np.isnan(accelerations).all())
-    limits = _limits(parsed, first, stated)
+    states = state_limits(parsed.track.table, stated, stated)
+    limits = limits_of(states[int(parsed.track.at(first))])
     if not unstated:
         limits = replace(limits, acceleration=float(np.nanmedian(accelerations)))
     if settings.travel_acceleration > 0.0:
@@ -179,35 +163,24 @@ def _print_of(
     return job, document
 
 
-def _refills(parsed: _ParsedWithBeads, blocks: Blocks) -> tuple[int, ...]:
+def _refills(parsed: Parsed, blocks: Blocks) -> tuple[int, ...]:
     """Return the epochs that begin where the nozzle is fed anew, or may be, or stood still long."""
-    barriers = parsed.track.barriers.items()
-    lines = np.array([line for line, reason in barriers if reason in REFILLS], np.int64)
+    lines = parsed.track.stops(REFILLS)
     next_one = np.searchsorted(parsed.motion.line[parsed.runs.first], lines)
     within = (next_one > 0) & (next_one < len(blocks.epoch))
     fed = np.union1d(blocks.epoch[next_one[within]], blocks.epoch[blocks.held])
     return tuple(fed.tolist())
 
 
-def _limits(parsed: _ParsedWithBeads, line: int, stated: MotionLimits) -> MotionLimits:
-    """Return the limits the file states: its settings, and its commands above `line`."""
-    row = state_limits(parsed.track.table, stated, stated)[int(parsed.track.at(line))]
-    return limits_of(row)
-
-
 def read_motions(path: Path | str, plate: int | None = None) -> Motions:
     """Read every move of a G-code file, the start and the end included.
 
-    Raises
-    ------
-    InputError
-        As `read_gcode`.
+    Raises InputError as `read_gcode`.
     """
     return _motions_of(_parse(path, plate))
 
 
-def _motions_of(parsed: _ParsedWithBeads) -> Motions:
-    """Return the moves of a parsed file."""
+def _motions_of(parsed: Parsed) -> Motions:
     motion, contour = parsed.motion, parsed.runs.contour
     width, height = np.zeros(len(contour)), np.zeros(len(contour))
     width[contour >= 0] = parsed.beads.move_width
@@ -215,11 +188,11 @@ def _motions_of(parsed: _ParsedWithBeads) -> Motions:
     return Motions(
         motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height,
         motion.placed[motion.line], motion.arc, motion.arcs,
-        motion.modes[motion.line, TOOL].astype(np.int64), motion.withdrawn,
+        motion.tool, motion.withdrawn,
     )  # fmt: skip
 
 
-def _preamble_end(parsed: _ParsedWithBeads) -> int:
+def _preamble_end(parsed: Parsed) -> int:
     """Return the first line of the print: below its marker and below any barrier there.
 
     Where the nozzle is primed after that, the first bead begins the print: what
@@ -234,19 +207,8 @@ def _preamble_end(parsed: _ParsedWithBeads) -> int:
     return first if abs(pushed - owed) > PRIMED_MM else top
 
 
-def _towers(parsed: _ParsedWithBeads) -> NDArray[np.bool_]:
-    """Tell which contours belong to a tool change and keep their place in it."""
-    line = parsed.motion.line[parsed.runs.first]
-    sections = parsed.track.sections
-    index = np.searchsorted(sections[:, 0], line) - 1
-    inside = np.zeros(len(line), np.bool_)
-    if len(sections):
-        inside = (index >= 0) & (line < sections[np.maximum(index, 0), 1])
-    return np.asarray(inside | (parsed.beads.role == Role.WIPE_TOWER))
-
-
 def _contours(
-    parsed: _ParsedWithBeads, blocks: Blocks, one_way: NDArray[np.bool_]
+    parsed: Parsed, blocks: Blocks, one_way: NDArray[np.bool_]
 ) -> tuple[Contours, NDArray[np.int32], NDArray[np.int32]]:
     """Return the contours, and the state and the arc of each of their points."""
     motion, runs, beads = parsed.motion, parsed.runs, parsed.beads
@@ -268,7 +230,7 @@ def _contours(
     contours = Contours(
         points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
         height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
-        layer=beads.layer, tool=motion.modes[motion.line[runs.first], 2].astype(np.int16),
+        layer=beads.layer, tool=motion.tool[runs.first].astype(np.int16),
         reversible=reversible & ~blocks.tied & ~one_way,
         epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
     )  # fmt: skip
@@ -327,7 +289,7 @@ def _slicer(text: bytes) -> str:
 
 
 def _notes(
-    parsed: _ParsedWithBeads,
+    parsed: Parsed,
     blocks: Blocks,
     settings: ProcessSettings,
     point_arc: NDArray[np.int32],

@@ -27,11 +27,8 @@ _COUNTS = re.compile(rb"M8([23])(?![0-9.])", re.I)
 def without_tower(text: bytes, path: Path | str) -> tuple[bytes, int]:
     """Return a source's text without the beads of its wipe tower, and how many moves laid them.
 
-    Raises
-    ------
-    InputError
-        Where E is counted from the start, so that each bead moves what all later words mean, and
-        where a tool that was unloaded is loaded along the tower.
+    Raises InputError where E is counted from the start, so that each bead moves what all later
+    words mean, and where a tool that was unloaded is loaded along the tower.
     """
     rows, moves, unloaded = text.split(b"\n"), 0, _Unloaded(path)
     tower = section = relative = False

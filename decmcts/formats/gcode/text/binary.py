@@ -20,8 +20,6 @@ from typing import Any, NoReturn
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_BYTES
 
-__all__ = ["MAGIC", "is_binary", "pack", "unpack"]
-
 MAGIC = b"GCDE"
 SUFFIX = ".bgcode"
 VERSION = 1
@@ -54,18 +52,10 @@ class BinaryBlock:
     data: bytes  # as stored
 
 
-def is_binary(raw: bytes) -> bool:
-    """Tell whether bytes are binary G-code, whatever their file is called."""
-    return raw[:4] == MAGIC
-
-
 def unpack(raw: bytes, path: Path | str | None = None) -> bytes:
     """Return the text of binary G-code: header, thumbnails and settings as comments.
 
-    Raises
-    ------
-    InputError
-        When it is damaged or too large, or the extra is not installed.
+    Raises InputError when it is damaged or too large, or the extra is not installed.
     """
     library = _library(path)
     read_blocks(raw, path)
@@ -75,20 +65,11 @@ def unpack(raw: bytes, path: Path | str | None = None) -> bytes:
 def pack(text: bytes, *, like: bytes | None = None, path: Path | str | None = None) -> bytes:
     """Return G-code text as binary G-code.
 
-    Parameters
-    ----------
-    text : bytes
-        In the form of PrusaSlicer, which names itself in the first line.
-    like : bytes | None
-        Binary G-code the text was made from: its metadata and thumbnails are kept as
-        they stand, but for the print times, which come from the text.
-    path : Path | str | None
-        For messages.
+    The text is in the form of PrusaSlicer, which names itself in the first line. Metadata and
+    thumbnails of the binary G-code that it was made from (`like`) are kept as they stand, but for
+    the print times, which come from the text.
 
-    Raises
-    ------
-    InputError
-        When the text is no slicer's, or the extra is not installed.
+    Raises InputError when the text is no slicer's, or the extra is not installed.
     """
     packed = _converted(_library(path), _marked(text), "from_ascii_to_binary", path)
     if like is not None:
@@ -159,22 +140,15 @@ def _converted(library: Any, content: bytes, function: str, path: Path | str | N
         finally:
             library.close(target)
             library.close(source)
-        if result != library.EResult.Success:
-            raise _failed(library, result, function, path)
-        return end.read_bytes()
-
-
-def _failed(library: Any, result: Any, function: str, path: Path | str | None) -> InputError:
-    if function == "from_ascii_to_binary":
-        return InputError(
-            f"this G-code cannot be packed as .bgcode ({library.translate_result(result)})",
-            path=path,
-            advice="only PrusaSlicer's can; name a .gcode file",
-        )
-    return InputError(
-        f"damaged binary G-code ({library.translate_result(result)})",
+        if result == library.EResult.Success:
+            return end.read_bytes()
+    why = library.translate_result(result)
+    if function == "from_binary_to_ascii":
+        _damaged(path, why)
+    raise InputError(
+        f"this G-code cannot be packed as .bgcode ({why})",
         path=path,
-        advice="export it again",
+        advice="only PrusaSlicer's can; name a .gcode file",
     )
 
 
@@ -183,10 +157,8 @@ def read_blocks(
 ) -> list[BinaryBlock]:
     """Return the blocks of binary G-code, checked.
 
-    Raises
-    ------
-    InputError
-        For another version, a cut or changed file, or a text of more than `largest` bytes.
+    Raises InputError for another version, a cut or changed file, or a text of more than `largest`
+    bytes.
     """
     if len(raw) < 10:
         _damaged(path, "it ends within its header")
@@ -307,7 +279,6 @@ def _retimed(block: BinaryBlock, times: dict[bytes, bytes]) -> BinaryBlock:
 
 
 def _stored(block: BinaryBlock) -> bytes:
-    """Return a block as it stands in a file, checksum included."""
     sizes = struct.pack("<HHI", block.kind, block.compression, block.size)
     if block.compression:
         sizes += struct.pack("<I", len(block.data))

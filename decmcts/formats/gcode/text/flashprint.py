@@ -19,18 +19,10 @@ SUFFIX = ".gx"
 _GCODE_AT, _TIME_AT, _HEADER = 24, 28, 58  # bytes
 
 
-def is_flashprint(raw: bytes) -> bool:
-    """Tell whether bytes are a .gx file, whatever it is called."""
-    return raw.startswith(MAGIC)
-
-
 def unpack(raw: bytes, path: Path | str | None = None) -> bytes:
     """Return the G-code behind the header.
 
-    Raises
-    ------
-    InputError
-        When the header is damaged.
+    Raises InputError when the header is damaged.
     """
     return raw[_gcode_begin(raw, path) :]
 
@@ -40,10 +32,7 @@ def pack(
 ) -> bytes:
     """Return other G-code behind the header of `like`, whose print time is multiplied.
 
-    Raises
-    ------
-    InputError
-        When the header is damaged.
+    Raises InputError when the header is damaged.
     """
     header = bytearray(like[: _gcode_begin(like, path)])
     (seconds,) = struct.unpack_from("<I", header, _TIME_AT)

@@ -6,7 +6,7 @@ The scanning itself is `decmcts.formats.gcode.text.scan_kernels`; this is its ty
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -109,6 +109,20 @@ class Lines:
         stop = int(self.starts[last]) if last < len(self) else len(self.text)
         return self.text[int(self.starts[first]) : stop]
 
+    def are(self, letter: str, codes: Collection[int]) -> NDArray[np.bool_]:
+        """Tell which lines are one of these commands (numbers times ten), (n,)."""
+        return np.asarray((self.letter == ord(letter)) & np.isin(self.code, list(codes)))
+
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """Which lines are G0 to G3, (n,)."""
+        return np.asarray((self.letter == ord("G")) & (self.code <= 30))
+
+    def refuse_first(self, wrong: NDArray[np.bool_], what: str, advice: str = "") -> None:
+        """Raise InputError at the first line that is `wrong`, (n,), if any is."""
+        if len(rows := np.flatnonzero(wrong)):
+            raise self.refuse(int(rows[0]), what, advice)
+
     def refuse(self, line: int, what: str, advice: str = "") -> InputError:
         """Return the error that names a line of this file (index from 0)."""
         shown = self.raw(line)[:60].decode("utf-8", "replace").strip()
@@ -118,11 +132,8 @@ class Lines:
 def split_lines(text: bytes, path: Path | str) -> Lines:
     """Scan a text into lines.
 
-    Raises
-    ------
-    InputError
-        At the first line that is damaged: a parameter without a number, a
-        number out of range, an axis that is none of ours.
+    Raises InputError at the first line that is damaged: a parameter without a number, a number out
+    of range, an axis that is none of ours.
     """
     raw = np.frombuffer(text, np.uint8)
     breaks = np.flatnonzero(raw == 10).astype(np.int64)
@@ -167,12 +178,12 @@ def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
         (slice(scan.F, scan.OFFSET_I), 60.0 * LARGEST_SPEED_MM_S, "a feed"),
     ):
         wild = np.abs(lines.values[:, column]) > most  # NaN, a parameter left out, is not
-        if not wild.any():
-            continue
-        large = np.flatnonzero(wild.any(axis=1) & (lines.letter == 71))
-        if len(large):
-            raise lines.refuse(int(large[0]), f"{what} beyond ±{most:g}")
-    _check_tail(lines)
+        if wild.any():
+            lines.refuse_first(wild.any(axis=1) & (lines.letter == 71), f"{what} beyond ±{most:g}")
+    last = len(lines) - 1
+    cut = len(lines) and lines.raw(last).endswith((b".", b"-", b"+"))
+    if cut and lines.moves[last] and not lines.text.endswith(b"\n"):
+        raise lines.refuse(last, "the file ends in the middle of a line", "export it again")
 
 
 def _check_brackets(lines: Lines) -> None:
@@ -185,7 +196,8 @@ def _check_brackets(lines: Lines) -> None:
     rows = np.unique(np.searchsorted(lines.starts, opened, side="right") - 1)
     for line in rows[lines.letter[rows] == ord("G")].tolist():
         code = lines.raw(line).split(b";", 1)[0]
-        if _opens_again(code):
+        within = code[: max(code.rfind(b")"), 0)].split(b")")
+        if any(b"(" in part.partition(b"(")[2] for part in within):
             raise lines.refuse(
                 line, "a bracket within a bracket: firmwares differ in where such a comment ends",
                 "begin it with a semicolon",
@@ -195,19 +207,3 @@ def _check_brackets(lines: Lines) -> None:
                 line, "a bracket that is not closed hides the rest of the line from some firmwares",
                 "close the comment, or begin it with a semicolon",
             )  # fmt: skip
-
-
-def _opens_again(code: bytes) -> bool:
-    """Tell whether a bracket opens within one that is open and closed later."""
-    end = code.rfind(b")")
-    return any(b"(" in part.partition(b"(")[2] for part in code[: max(end, 0)].split(b")"))
-
-
-def _check_tail(lines: Lines) -> None:
-    """Refuse a file that stops in the middle of a move."""
-    if not len(lines):
-        return
-    last = len(lines) - 1
-    cut = not lines.text.endswith(b"\n") and lines.letter[last] == 71 and lines.code[last] <= 30
-    if cut and lines.raw(last)[-1:] in b".-+":
-        raise lines.refuse(last, "the file ends in the middle of a line", "export it again")

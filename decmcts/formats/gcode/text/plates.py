@@ -12,25 +12,17 @@ import re
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.files.archive import MAGIC, Archive
+from decmcts.formats.files.archive import Archive
 
 SUFFIX = ".3mf"
 _GCODE = re.compile(r"Metadata/plate_([1-9]\d{0,5})\.gcode")
 _SUM = re.compile(rb"[0-9A-Fa-f]{32}")
 
 
-def is_archive(raw: bytes) -> bool:
-    """Tell whether bytes are a zip archive, whatever their file is called."""
-    return raw[:4] == MAGIC
-
-
 def plates_in(raw: bytes, path: Path | str | None = None) -> list[int]:
     """Return the numbers of the plates that have G-code, ascending; none in a mere project.
 
-    Raises
-    ------
-    InputError
-        When the archive is damaged.
+    Raises InputError when the archive is damaged.
     """
     found = map(_GCODE.fullmatch, Archive(raw, path).names)
     return sorted(int(match[1]) for match in found if match)
@@ -39,11 +31,8 @@ def plates_in(raw: bytes, path: Path | str | None = None) -> list[int]:
 def unpack(raw: bytes, path: Path | str | None = None, plate: int | None = None) -> bytes:
     """Return the G-code of a plate; of the only one that has any where none is named.
 
-    Raises
-    ------
-    InputError
-        When the archive is damaged or encrypted, the plate has no G-code, or several have and
-        none is named.
+    Raises InputError when the archive is damaged or encrypted, the plate has no G-code, or several
+    have and none is named.
     """
     archive = Archive(raw, path)
     name = _name(plates_in(raw, path), plate, path)
@@ -65,10 +54,7 @@ def pack(
 ) -> bytes:
     """Return the archive `like` with another G-code of a plate, and the checksum of that.
 
-    Raises
-    ------
-    InputError
-        As `unpack`.
+    Raises InputError as `unpack`.
     """
     archive = Archive(like, path)
     name = _name(plates_in(like, path), plate, path)

@@ -21,12 +21,16 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
+from decmcts.formats.files import archive
 from decmcts.formats.files.atomic import write_whole
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode.text import binary, flashprint, plates
 
-PACKED_SUFFIXES = (binary.SUFFIX, plates.SUFFIX, flashprint.SUFFIX)
+_PACKED = {  # what such a file begins with, whatever it is called
+    binary.SUFFIX: binary.MAGIC, plates.SUFFIX: archive.MAGIC, flashprint.SUFFIX: flashprint.MAGIC,
+}  # fmt: skip
+PACKED_SUFFIXES = tuple(_PACKED)
 # Both begin with a plain byte, which `re` looks for faster than for the begin of a line.
 _NUMBERED = re.compile(rb"\n[ \t]*[Nn][ \t]*\d+(?:\.\d*)?[ \t]*([^;\r\n]*)")
 _LONE_RETURN = re.compile(rb"\r(?![\r\n]|\Z)")
@@ -37,15 +41,10 @@ _ODD_BLANK_IN_CODE = re.compile(rb"^[^;\n\x0b\x0c\x1c-\x1f]*+[\x0b\x0c\x1c-\x1f]
 def load_text(path: Path | str, plate: int | None = None) -> bytes:
     """Return the text of a G-code file, unpacked; what it is shows its content, not its name.
 
-    Parameters
-    ----------
-    plate : int | None
-        Whose G-code of a .gcode.3mf; None: the only one's that has any.
+    Of a .gcode.3mf it is that of a `plate`, of the only one that has any where none is named.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be read, is empty, damaged or no G-code at all, or has no such plate.
+    Raises InputError when the file cannot be read, is empty, damaged or no G-code at all, or has
+    no such plate.
     """
     return without_numbers(_text_in(path, plate))
 
@@ -58,15 +57,16 @@ def line_with_number(path: Path | str, plate: int | None = None) -> int | None:
 def _text_in(path: Path | str, plate: int | None) -> bytes:
     """Return the text of a file, line for line as it stands there; raises as `load_text`."""
     raw = unpacked(read_bytes(Path(path)), path)
-    if plate is not None and not plates.is_archive(raw):
+    kind = _suffix_of(raw)
+    if plate is not None and kind != plates.SUFFIX:
         raise InputError(
             f"no plate {plate}: only a .gcode.3mf has plates", path=path, advice="leave it out"
         )
-    if binary.is_binary(raw):
+    if kind == binary.SUFFIX:
         raw = binary.unpack(raw, path)
-    elif plates.is_archive(raw):
+    elif kind == plates.SUFFIX:
         raw = plates.unpack(raw, path, plate)
-    elif flashprint.is_flashprint(raw):
+    elif kind == flashprint.SUFFIX:
         raw = flashprint.unpack(raw, path)
     raw = raw.removeprefix(codecs.BOM_UTF8)  # some editors write one, and it commands nothing
     if not raw.strip():
@@ -90,7 +90,7 @@ def has_plates(path: Path) -> bool:
         return True
     try:
         raw = read_bytes(path)
-        return plates.is_archive(raw) and bool(plates.plates_in(raw, path))
+        return _suffix_of(raw) == plates.SUFFIX and bool(plates.plates_in(raw, path))
     except InputError:
         return False
 
@@ -98,10 +98,7 @@ def has_plates(path: Path) -> bool:
 def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
     """Write `text` to a path (atomically; .gz and .bgcode packed) or to a stream.
 
-    Raises
-    ------
-    InputError
-        When it cannot be packed or written; what was there before is untouched.
+    Raises InputError when it cannot be packed or written; what was there before is untouched.
     """
     if isinstance(out, io.TextIOBase):
         out.write(text.decode("utf-8", "surrogateescape"))
@@ -126,10 +123,6 @@ def packed_text(
 
     Parameters
     ----------
-    source : Path | None
-        What it was made of.
-    plate : int | None
-        The plate of a .gcode.3mf it was made of; None: the only one with G-code.
     time_ratio : float
         The time it takes over the time its source takes: a .gx states its time in the header.
 
@@ -142,7 +135,7 @@ def packed_text(
     in_place = source is not None and source.exists() and out.exists() and out.samefile(source)
     suffix = _suffix_of(old) if in_place else out.suffix.lower()
     if suffix == binary.SUFFIX:
-        return binary.pack(text, like=old if binary.is_binary(old) else None, path=out)
+        return binary.pack(text, like=old if _suffix_of(old) == suffix else None, path=out)
     if suffix in PACKED_SUFFIXES and _suffix_of(old) != suffix:
         raise InputError(
             f"a {suffix} with G-code is only made of another one, for all else that stands in it",
@@ -158,11 +151,7 @@ def packed_text(
 
 def _suffix_of(raw: bytes) -> str:
     """Return the suffix of packed G-code of this kind, and nothing for any other file."""
-    if binary.is_binary(raw):
-        return binary.SUFFIX
-    if plates.is_archive(raw):
-        return plates.SUFFIX
-    return flashprint.SUFFIX if flashprint.is_flashprint(raw) else ""
+    return next((suffix for suffix, begin in _PACKED.items() if raw.startswith(begin)), "")
 
 
 def without_numbers(text: bytes) -> bytes:
@@ -185,15 +174,8 @@ def _without_checksum(code: bytes) -> bytes:
 
 
 def refuse_lone_returns(text: bytes, path: Path | str) -> None:
-    """Refuse a carriage return within a line: some firmwares end the line there, others do not.
-
-    Raises
-    ------
-    InputError
-        With the line it stands in.
-    """
-    found = _LONE_RETURN.search(text)
-    if found is None:
+    """Refuse a carriage return within a line: some firmwares end the line there, others do not."""
+    if (found := _LONE_RETURN.search(text)) is None:
         return
     if b"\n" not in text:
         raise InputError(
@@ -216,15 +198,9 @@ def refuse_odd_blanks(text: bytes, path: Path | str) -> None:
 
     Klipper strips them as blanks and carries out what stands behind; Marlin knows no such command.
     In comments they may stay.
-
-    Raises
-    ------
-    InputError
-        With the line it stands in.
     """
-    if not any(blank in text for blank in _ODD_BLANKS):
-        return
-    if (found := _ODD_BLANK_IN_CODE.search(text)) is None:
+    odd = any(blank in text for blank in _ODD_BLANKS)
+    if not odd or (found := _ODD_BLANK_IN_CODE.search(text)) is None:
         return
     raise InputError(
         f"a control character (0x{text[found.end() - 1]:02x}) in a command: some firmwares take it "

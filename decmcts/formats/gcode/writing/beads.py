@@ -64,11 +64,6 @@ class BeadRows:
         left: list[float] = (rows[::-1] if is_reversed else rows).tolist()
         return left
 
-    def points(self, contour: int, *, is_reversed: bool) -> Floats:
-        """Return the points of a contour in the order they are run, (k, 3)."""
-        points = self.job.contours.points[self.offsets[contour] : self.offsets[contour + 1]]
-        return points[::-1] if is_reversed else points
-
 
 def _plain(document: GcodeDocument, job: PrintJob) -> NDArray[np.bool_]:
     """Tell which contours are plain, (n,)."""

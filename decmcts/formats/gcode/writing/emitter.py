@@ -51,7 +51,7 @@ class Emitter:
         self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
         self._feed_words: dict[float, str] = {}
-        self._states = StateLines(document, self.emit)
+        self.states = StateLines(document, self.emit)
         self.travel_feed = settings.travel_feed or DEFAULT_TRAVEL
         self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
         self.e = 0.0
@@ -70,7 +70,7 @@ class Emitter:
         self.owed, self._pulled = cursor.owed, False
         self.firmware_retracted = cursor.firmware_retracted
         self.relative_e = cursor.relative_e  # M82 and M83 in the print are blocks
-        self._states.take(cursor.state)
+        self.states.take(cursor.state)
 
     def use(self, tool: int) -> None:
         """Retract from now on as a tool does."""
@@ -298,17 +298,14 @@ class Emitter:
         self.retract_for([self.at, *points])
         for k, to in enumerate(points):
             if to != self.at:
-                self.move(to, self._travel_feed(to))
+                upright = to[0] == self.at[0] and to[1] == self.at[1]
+                self.move(to, (upright and self.settings.z_feed) or self.travel_feed)
             if passed and k in passed:
                 self.emit(passed[k])
 
     def dwell(self, seconds: float, mark: str = WAIT_MARK) -> None:
         """Stand still; `mark` says what for."""
         self.emit(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {mark}")
-
-    def _travel_feed(self, to: Point) -> float:
-        upright = to[0] == self.at[0] and to[1] == self.at[1]
-        return (self.settings.z_feed or self.travel_feed) if upright else self.travel_feed
 
     def approach(self, to: Point) -> None:
         """Go to the first bead: up, across, down.
@@ -345,17 +342,6 @@ class Emitter:
         over = max(self.top, self.at[2], to[2]) + lift
         x, y, _ = self.at
         self.travel([(x, y, over), (to[0], to[1], over), to])
-
-    def set_state(self, state: int, *, before_travel: bool = False) -> None:
-        """Write what turns the current machine state into `state`.
-
-        With `before_travel` only the labels a travel belongs to.
-        """
-        self._states.set(state, before_travel=before_travel)
-
-    def set_travel(self, state: int) -> None:
-        """Write what makes a travel to a bead of `state` as quick as the source makes it."""
-        self._states.set_travel(state)
 
     def text(self) -> bytes:
         """Return all that was written."""

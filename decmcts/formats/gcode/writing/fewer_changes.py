@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.document import DESCRIBES, Block, Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.document import DESCRIBES, Block, Cursor, GcodeDocument, MoreStates
 from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import unknown_row
 from decmcts.print.job import PrintJob
@@ -128,7 +128,7 @@ def with_runs(
     tool, was = job.contours.tool[order], job.contours.epoch[order]
     stretch = free.stretches(job, document)[order]
     epoch = np.empty(len(order), np.int32)
-    blocks, states = list[Block](), _StateRows(document.states)
+    blocks, states = list[Block](), MoreStates(document.states)
     walls = {b.epoch: b for k, b in enumerate(document.blocks) if k not in free.blocks}
     stands = sorted(walls)
     begins = np.flatnonzero(np.diff(run, prepend=-1))
@@ -154,42 +154,22 @@ def with_runs(
     return job, replace(document, blocks=tuple(blocks), states=states.table())
 
 
-class _StateRows:
-    """States of a source, and more that are made of them."""
-
-    def __init__(self, table: StateTable) -> None:
-        self._table = table
-        self._more: list[tuple[int, ...]] = []
-
-    def behind(self, stood: int, begin: int, end: int) -> int:
-        """Return the state `stood` with what is set from one state to another."""
-        rows, n = self._table.rows, len(self._table.rows)
-        row, was, now = (rows[k].copy() for k in (stood, begin, end))
-        sets = was != now
-        sets[[slot in DESCRIBES for slot in self._table.slots]] = False
-        row[sets] = now[sets]
-        self._more.append(tuple(row.tolist()))
-        return n + len(self._more) - 1
-
-    def table(self) -> StateTable:
-        """Return all states."""
-        more = np.array(self._more, np.int32).reshape(-1, len(self._table.slots))
-        return replace(self._table, rows=np.concatenate([self._table.rows, more]))
-
-
 def _placed(
     change: Block,
     job: PrintJob,
     document: GcodeDocument,
     behind: int,
-    states: _StateRows,
+    states: MoreStates,
     epoch: int,
 ) -> Block:
     """Return a change as it stands behind a contour."""
     last = int(job.contours.offsets[behind + 1]) - 1
     stood = int(document.point_state[last])
     at = tuple(job.contours.points[last].tolist())
-    state = states.behind(stood, change.begin.state, change.end.state)
+    slots, states_of = document.states.slots, document.states.rows
+    was, now = (states_of[k].tolist() for k in (change.begin.state, change.end.state))
+    sets = {k: now[k] for k, slot in enumerate(slots) if was[k] != now[k] and slot not in DESCRIBES}
+    state = states.like(stood, sets)
     begin = _at(change.begin, at, stood, float(job.contours.feed[last]))
     rows = [row for row in change.text.split(b"\n") if command_of(row)]
     text = b"".join(row.rstrip(b"\r") + document.newline for row in rows)

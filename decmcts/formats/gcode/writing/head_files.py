@@ -1,51 +1,17 @@
 """G-code per head: one file for each controller of a machine with several heads.
 
-Every file is complete: the source's set-up commands, this head's contours with
-the planned paths as they are, and the end. Heads share the bed, so moves that
-no plan checked are left out: purge lines, wipes at the end, custom travel. Of a
-source with several tools a head is told what is said to its own: temperatures and moves
-of filament alone, by the tool they name or the one selected there. All heads are told what
-heats the one hot end of a source (`decmcts.formats.gcode.writing.hot_ends`), and what switches hot
-ends off in the end code. Heads are set up one after the other, and heat together: a head that
-waits for its turn is told before how hot bed and hot end are to be, and waits for them in its turn.
-A head retracts (and wipes along the bead it printed) before it says that a print has ended: what it
-does afterwards is its next action's path and nothing else. The end code, which turns off bed and
-motors, runs when all heads are done.
+Every file is complete: the source's set-up commands, this head's contours with the planned paths
+as they are, and the end. Moves that no plan checked are left out: purge lines, wipes at the end,
+custom travel. A head is told what is said to its own tool (`own_lines`, `hot_ends`). Heads are set
+up one after the other, and heat together. The end code, which turns off bed and motors, runs when
+all heads are done.
 
-Where the plan orders actions of different heads the files hold
+A head retracts (and wipes along the bead it printed) before it says that a print has ended: what
+it does afterwards is its next action's path and nothing else. Signals, waits and what idle heads do
+are described in docs/gcode.md: a controller that ignores them must not run these files.
 
-    M400
-    SYNC_SIGNAL N=7      ; number 7 is reached, give it to the other controllers
-    SYNC_WAIT N=7        ; do not go on before number 7 was given
-
-Numbers are the same in all files of a plan. M400 lets the moves before it end first. A wait
-has none: nothing behind it is read before it is over, so the moves above it run out. Where the
-machine's controllers can `release` points, a head says between two moves, or behind the last
-move of an action, without M400,
-
-    SYNC_PASSED N=8      ; number 8 is reached when the move before this line has ended
-
-This must neither stop the head nor run before the move above it has ended (docs/gcode.md). Such
-heads stop only to signal where they have not moved.
-
-Where a head stands idle for long it is pulled back further, may cool to standby, and is heated
-again by the clock before it has to go on (`decmcts.print.stands`):
-
-    G1 E-9.2 F2400
-    M400
-    M104 S170
-    G4 P93000            ; so long by the plan, less what heating takes
-    M104 S210
-    SYNC_WAIT N=7
-    M109 S210
-
-The commands are macros the machine's host provides; a machine may have other words for them
-(`decmcts.print.machine`). A controller that ignores them must not run these files.
-
-G-code that takes a head to its park where a print was broken off: moves, and nothing else.
-
-In the coordinates of the head's file of that print, which its controller still counts in. No
-start code, no homing, no heating, no filament.
+A file that takes a head to its park where a print was broken off has moves, and nothing else, in
+the coordinates of the head's file of that print: no start code, homing, heating or filament.
 """
 
 from __future__ import annotations
@@ -60,18 +26,14 @@ from decmcts.formats.gcode.document import Cursor, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.beads import BeadRows, Point
 from decmcts.formats.gcode.writing.emitter import Emitter
-from decmcts.formats.gcode.writing.head_refusals import (
-    only_tool,
-    refuse_own_moves,
-    refuse_points,
-)
+from decmcts.formats.gcode.writing.head_refusals import only_tool, refuse_own_moves, refuse_points
 from decmcts.formats.gcode.writing.hot_ends import (
     HeatTaken,
     HotEndTarget,
     early_heat,
     heat_taken_by_heads,
     heats,
-    source_heats,
+    hot_end_commands,
 )
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import OwnFilament, feeds_one_bead, own_lines
@@ -167,7 +129,8 @@ class _HeadFileWriter:
         text = document.preamble + (b"" if own_start is None else own_start.text)
         preamble = self._own(text, keep_homing=True, relative_e=False)
         self.filament.begin(preamble)
-        emitter.cold = self.filament.shared and source_heats(document) and not heats(preamble)
+        heated = any(given.command.heats for given in hot_end_commands(document))
+        emitter.cold = self.filament.shared and heated and not heats(preamble)
         first, rest = _split_first(with_header(preamble, header, document.newline), header)
         emitter.verbatim(first)
         if head > 0:
@@ -195,9 +158,7 @@ class _HeadFileWriter:
     def _resume(self, cursor: Cursor) -> None:
         """Set modes and E as the source has them, after lines of it were left out."""
         self.emitter.emit("G90")
-        self.emitter.emit(
-            "M83" if cursor.relative_e else "M82"
-        )  # G90 resets E too in some firmwares
+        self.emitter.emit("M83" if cursor.relative_e else "M82")  # G90 may reset E too
         self._count_from(cursor)
 
     def _count_from(self, cursor: Cursor) -> None:
@@ -215,7 +176,7 @@ class _HeadFileWriter:
         elif kind != _WAIT:
             if (ahead := self.ahead[k]) >= 0:
                 state = first_state(self.beads, self.document, self.head, ahead)
-                self.emitter.set_travel(state)
+                self.emitter.states.set_travel(state)
             self.emitter.travel(self._path(k), passed)
         self.waits.ended(k)
 
@@ -245,7 +206,6 @@ class _HeadFileWriter:
         self._retract_for(k + 1)
 
     def _path(self, k: int) -> list[Point]:
-        """Return the path of an action."""
         return list(map(tuple, self.head.action_path(k).tolist()))
 
     def _retract_for(self, k: int) -> None:
@@ -268,7 +228,7 @@ class _HeadFileWriter:
         self._cross(2**31)
         if not self.filament.is_other(end.tool):
             emitter.owe(end.owed, firmware=end.firmware_retracted, exact=True)
-        emitter.set_state(end.state)
+        emitter.states.set(end.state)
         emitter.set_e(end.e)
         heat_taken: HeatTaken = "all" if self.heat_taken == "all" else "off"
         text = self.document.postamble
@@ -294,7 +254,7 @@ class _HeadFileWriter:
                 block.text, relative_e=begin.relative_e, tool=begin.tool, fed=not spared
             )
             self.filament.owe(block, text, spared=spared)
-            emitter.set_state(begin.state)
+            emitter.states.set(begin.state)
             emitter.set_e(begin.e)
             emitter.verbatim(text)
             self.hot_end.take(text)

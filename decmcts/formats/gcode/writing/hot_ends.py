@@ -92,11 +92,6 @@ def hot_end_command(line: bytes) -> HotEndCommand | None:
     return HotEndCommand(match[1] == b"9", hot, None if tool is None else int(tool[1]), degrees)
 
 
-def is_taken(heat_taken: HeatTaken, command: HotEndCommand | None) -> bool:
-    """Say whether a head takes a command while another tool is selected; None: any other."""
-    return command is None or heat_taken == "all" or (heat_taken == "off" and not command.heats)
-
-
 def heat_taken_by_heads(document: GcodeDocument, job: PrintJob) -> HeatTaken:
     """Return which temperatures that name no tool heads take: their own tool's, or all."""
     return "all" if _cold_tools(document, job) else OWN
@@ -122,11 +117,6 @@ def early_heat(text: bytes) -> list[str]:
         first = next((value for value in values if float(value) > 0.0), None)
         early += [] if first is None else [f"{code} S{first} {EARLY}"]
     return early
-
-
-def source_heats(document: GcodeDocument) -> bool:
-    """Say whether the source heats hot ends by commands at all."""
-    return any(given.command.heats for given in hot_end_commands(document))
 
 
 def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
@@ -170,8 +160,8 @@ def _first_epoch(job: PrintJob, tool: int) -> int:
 
 def _heated(document: GcodeDocument, *, waits: bool) -> list[GivenCommand]:
     """Return where the source heats hot ends, or with `waits` where it waits for them."""
-    every = hot_end_commands(document)
-    return [each for each in every if each.command.heats and each.command.waits == waits]
+    given = hot_end_commands(document)
+    return [each for each in given if each.command.heats and each.command.waits == waits]
 
 
 def hot_end_commands(document: GcodeDocument) -> Iterator[GivenCommand]:

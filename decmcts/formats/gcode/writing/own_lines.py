@@ -10,7 +10,6 @@ What is retracted behind such lines is counted anew, by the E words that are lef
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +21,7 @@ from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import commands_of, split_lines
 from decmcts.formats.gcode.writing.emitter import Emitter
-from decmcts.formats.gcode.writing.hot_ends import (
-    OWN,
-    HeatTaken,
-    hot_end_command,
-    is_taken,
-    selected_by,
-)
+from decmcts.formats.gcode.writing.hot_ends import OWN, HeatTaken, hot_end_command, selected_by
 
 MOVE = re.compile(rb"^\s*G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 FILAMENT = re.compile(rb"^\s*G0*(?:[01](?![0-9.])(?=[^;(]*E)|1[01](?![0-9.])(?![^;(]*L))", re.I)
@@ -116,12 +109,14 @@ class OwnFilament:
 
         E is in mm³ where it is volumetric.
         """
-        for value, sets in _e_words(text, relative_e):
-            if sets:
-                e = value
-                continue
-            to = e + value if sets is None else value
-            owed, e = max(0.0, owed - (to - e) / (self.document.e_area or 1.0)), to
+        for line in text.splitlines():
+            relative_e = relative_after(line, relative_e)
+            word = E_WORD.match(line)
+            if word and _SETS_E.match(line):
+                e = float(word[1])
+            elif word and FILAMENT.match(line):
+                to = float(word[1]) + (e if relative_e else 0.0)
+                owed, e = max(0.0, owed - (to - e) / (self.document.e_area or 1.0)), to
         return owed
 
 
@@ -153,23 +148,12 @@ def relative_after(line: bytes, relative_e: bool) -> bool:
     return relative_e if mode is None else mode.group(1).upper() in (b"M83", b"G91")
 
 
-def _e_words(text: bytes, relative_e: bool) -> Iterator[tuple[float, bool | None]]:
-    """Yield each E word: (where E is set, True), (where it goes, False), (by how much, None)."""
-    for line in text.splitlines():
-        relative_e = relative_after(line, relative_e)
-        word = E_WORD.match(line)
-        if word and _SETS_E.match(line):
-            yield float(word.group(1)), True
-        elif word and FILAMENT.match(line):
-            yield float(word.group(1)), None if relative_e else False
-
-
 def own_lines(
     text: bytes,
     tool: int | None,
     *,
     selected: int | None,
-    keep_homing: bool,
+    keep_homing: bool = False,
     relative_e: bool,
     newline: bytes,
     heat_taken: HeatTaken = OWN,
@@ -220,6 +204,6 @@ def _for_own_tool(line: bytes, tool: int | None, heat_taken: HeatTaken | None) -
         named = None
     if named and (tool is None or int(named.group(2)) == tool):
         return named.group(1) + line[named.end() :]
-    if named or (heat_taken is not None and not is_taken(heat_taken, hot_end_command(line))):
-        return b"; left out, another head's tool: " + line
-    return line
+    command = hot_end_command(line) if heat_taken in ("own", "off") else None
+    is_others = command is not None and (heat_taken == "own" or command.heats)
+    return b"; left out, another head's tool: " + line if named or is_others else line

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,8 +62,6 @@ class Freed:
 
     job: PrintJob
     document: GcodeDocument
-    count: int  # changes that are no walls
-    walls: int  # changes that stay
     barred: str = ""  # why the first of them does that is more than another temperature
 
 
@@ -78,30 +76,27 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     heat, obstacles = StatedHeat.of(job, document), dict[int, str]()
     epochs = [block.epoch for block in document.blocks]
     begins = np.searchsorted(job.contours.epoch, epochs).tolist()
-    nets = _nets(job, document.moves, begins)
+    pushed = _pushed_before(job, document.moves, begins)
     barred = ""
     for number, (block, begin) in enumerate(zip(document.blocks, begins, strict=True)):
-        foreign, filament = _foreign(block), _left(block, nets.get(begin, 0.0))
+        net = _net(pushed[begin]) if begin in pushed else 0.0
+        foreign, filament = _foreign(block), _left(block, net)
         if what := foreign or heat.differs(block) or filament:
             obstacles[number] = what
         if not barred and _is_change(block):
             barred = foreign or filament
     left = {k for k, block in enumerate(document.blocks) if k not in obstacles and _is_own(block)}
     count = sum(_is_change(document.blocks[k]) for k in left)
-    stays = [
-        obstacles[k]
-        for k, block in enumerate(document.blocks)
-        if k in obstacles and _is_change(block)
-    ]
+    stays = [why for k, why in obstacles.items() if _is_change(document.blocks[k])]
     if not count:
         return stays[0]
-    freed = _without(job, document, left, {begins[k]: k for k in sorted(left)}, nets)
+    freed = _without(job, document, left, {begins[k]: k for k in sorted(left)}, pushed)
     if what := StatedHeat.of(freed.job, freed.document).unlike(heat, freed.job, job):
         return stays[0] if stays else what
     note = f"{count} change{'s' * (count != 1)} of tools are no walls"
     note += f", {len(stays)} stay: {stays[0]}" if stays else ""
     job = replace(freed.job, notes=(*freed.job.notes, note))
-    return replace(freed, job=job, count=count, walls=len(stays), barred=barred)
+    return replace(freed, job=job, barred=barred)
 
 
 def first_use(job: PrintJob, document: GcodeDocument, tool: int) -> OwnStart | None:
@@ -113,8 +108,7 @@ def first_use(job: PrintJob, document: GcodeDocument, tool: int) -> OwnStart | N
     epochs = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
     for k in np.flatnonzero(epochs == first).tolist():
         if _is_change(document.blocks[k]) and document.blocks[k].end.tool == tool:
-            owns = _own_starts(job, document, {first: k})
-            return next((own for own in owns if own.tool == tool), None)
+            return _own_start(document, tool, document.blocks[k])
     return None
 
 
@@ -140,12 +134,12 @@ def _foreign(block: Block) -> str:
     return ""
 
 
-def _left(block: Block, pushed: float) -> str:
+def _left(block: Block, net: float) -> str:
     """Return in words what a block leaves pushed or pulled with a tool; empty: about nothing."""
-    if abs(pushed) <= MOST_MM:
+    if abs(net) <= MOST_MM:
         return ""
-    does = "pushes" if pushed > 0.0 else "pulls"
-    return f"the change of tools in line {block.line} {does} {abs(pushed):.1f} mm in all"
+    does = "pushes" if net > 0.0 else "pulls"
+    return f"the change of tools in line {block.line} {does} {abs(net):.1f} mm in all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,109 +192,88 @@ class StatedHeat:
 
 def _without(
     job: PrintJob, document: GcodeDocument, left: set[int], behind: dict[int, int],
-    nets: dict[int, float],
+    pushed: dict[int, Floats],
 ) -> Freed:  # fmt: skip
     """Return the print without some of its blocks.
 
-    `behind` has these by the contour behind each, `nets` what `_nets` has for contours behind any.
+    `behind` has these by the contour behind each, `pushed` what `_pushed_before` has for contours
+    behind any.
     """
     contours = job.contours
-    own = tuple(_own_starts(job, document, behind))
-    notes = tuple(_renamed(job.notes, len(document.blocks) - len(left)))
-    nets = {c: nets[c] for c in behind if c in nets}
-    changed = {c: net for c, net in nets.items() if contours.tool[c] != contours.tool[c - 1]}
-    primes = _primes(job, changed)
-    deep = _pulled_back(job, document, changed)
-    practices = _practices(job, document, left, primes, deep)
+    tools, firsts = np.unique(contours.tool, return_index=True)
+    own = tuple(
+        _own_start(document, tool, document.blocks[behind[first]])
+        for tool, first in zip(tools.tolist(), firsts.tolist(), strict=True)
+        if first in behind
+    )
+    notes = [note for note in job.notes if not _PLACES.match(note)]
+    if places := len(document.blocks) - len(left):
+        notes.append(f"{places} place{'s' * (places != 1)} nothing is moved across")
+    pushed = {c: pushed[c] for c in behind if c in pushed}
+    changes = {c: gap for c, gap in pushed.items() if contours.tool[c] != contours.tool[c - 1]}
+    primes = _primes(job, changes)
+    practices = _practices(job, document, left, primes, changes)
     owed = document.owed.copy()
-    for c, pushed in nets.items():
-        extra = primes.get(int(contours.tool[c]), 0.0) if c in changed else 0.0
-        owed[c] = 0.0 if abs(pushed - extra) < 1e-9 else extra - pushed
+    for c, gap in pushed.items():
+        extra = primes.get(int(contours.tool[c]), 0.0) if c in changes else 0.0
+        owed[c] = 0.0 if abs(_net(gap) - extra) < 1e-9 else extra - _net(gap)
     owed.setflags(write=False)
     job, document = without_blocks(job, document, left)
     document = replace(document, own_starts=own, owed=owed)
-    job = replace(job, notes=notes, practices=practices)
-    return Freed(job, document, 0, 0)
+    return Freed(replace(job, notes=tuple(notes), practices=practices), document)
 
 
-def _own_starts(
-    job: PrintJob, document: GcodeDocument, behind: dict[int, int]
-) -> Iterable[OwnStart]:
-    """Yield what each tool's head is told where the source takes the tool first.
+def _own_start(document: GcodeDocument, tool: int, block: Block) -> OwnStart:
+    """Return what a tool's head is told of the block where the source takes the tool first."""
+    rows = [row for row in block.text.split(b"\n") if command_of(row)]
+    own = [row for row in rows if classify(row).kind not in HELD]
+    own = [row.rstrip(b"\r") for row in own if not _FACTOR.match(command_of(row))]
+    text = b"".join(row + document.newline for row in own)
+    end = replace(block.end, state=document.start.state, position=document.start.position)
+    return OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
-    `behind` has the blocks that are left out by the contour behind each.
+
+def _pushed_before(job: PrintJob, moves: Motions, behind: Collection[int]) -> dict[int, Floats]:
+    """Return what a contour's tool has pushed in all, mm, before each move above these contours.
+
+    Since the contour that it printed before, and with what it has pushed where the contour begins;
+    nothing of its first.
     """
+    of, tools, found = np.asarray(moves.contour), np.asarray(moves.tool), dict[int, Floats]()
     for tool in np.unique(job.contours.tool).tolist():
-        first = int(np.argmax(job.contours.tool == tool))
-        if first not in behind:
-            continue
-        block = document.blocks[behind[first]]
-        rows = [row for row in block.text.split(b"\n") if command_of(row)]
-        rows = [row.rstrip(b"\r") for row in rows if not _goes_with_beads(row)]
-        text = b"".join(row + document.newline for row in rows)
-        end = replace(block.end, state=document.start.state, position=document.start.position)
-        yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
-
-
-def _goes_with_beads(row: bytes) -> bool:
-    return classify(row).kind in HELD or _FACTOR.match(command_of(row)) is not None
-
-
-def _nets(job: PrintJob, moves: Motions, behind: Iterable[int]) -> dict[int, float]:
-    """Return what is pushed less what is pulled, mm, before these contours.
-
-    By a contour's tool, since the contour that it printed before; nothing of its first.
-    """
-    n, of = len(job.contours), np.asarray(moves.contour)
-    rows = np.flatnonzero(of >= 0)
-    first, last = np.full(n, len(of), np.int64), np.full(n, -1, np.int64)
-    np.minimum.at(first, of[rows], rows)
-    np.maximum.at(last, of[rows], rows)
-    tool, nets = np.asarray(moves.tool), dict[int, float]()
-    for t in np.unique(job.contours.tool).tolist():
-        mine = np.flatnonzero(job.contours.tool == t)
-        total = np.concatenate([[0.0], np.cumsum(np.where(tool == t, moves.extrusion, 0.0))])
-        net = total[first[mine[1:]]] - total[last[mine[:-1]] + 1]
-        nets.update((c, x) for c, x in zip(mine[1:].tolist(), net.tolist(), strict=True))
-    return {c: nets[c] for c in behind if c in nets}
-
-
-def _primes(job: PrintJob, nets: dict[int, float]) -> dict[int, float]:
-    """Return what primes each tool, mm, by the nets behind all changes to it; else nothing."""
-    found = {}
-    for tool in {int(job.contours.tool[c]) for c in nets}:
-        mine = [net for c, net in nets.items() if job.contours.tool[c] == tool]
-        if min(mine) > PRIMES_MM and max(mine) - min(mine) <= ALIKE_MM:
-            found[tool] = float(np.median(mine))
-    return dict(sorted(found.items()))
-
-
-def _pulled_back(
-    job: PrintJob, document: GcodeDocument, changed: Iterable[int]
-) -> dict[int, float]:
-    """Return how far, mm, each tool is pulled back at least between two of its contours.
-
-    `changed` are the contours behind changes to their tools; of tools that are pulled out of the
-    hot end nothing.
-    """
-    moves = document.moves
-    of, tools = np.asarray(moves.contour), np.asarray(moves.tool)
-    found = dict[int, float]()
-    for tool in {int(job.contours.tool[c]) for c in changed}:
+        mine = np.flatnonzero(job.contours.tool == tool)
         total = np.concatenate([[0.0], np.cumsum(np.where(tools == tool, moves.extrusion, 0.0))])
         laid = np.flatnonzero((of >= 0) & (tools == tool))
-        for c in (c for c in changed if job.contours.tool[c] == tool):
+        for c in np.intersect1d(mine[1:], list(behind)).tolist():
             k = int(np.searchsorted(of[laid], c))  # contours are numbered in source order
-            gap = total[laid[k - 1] + 1 : laid[k] + 1]
-            found[tool] = min(found.get(tool, np.inf), float(gap[0] - gap.min()))
-    return {tool: deep for tool, deep in found.items() if PRIMES_MM < deep <= UNLOAD_MM}
+            found[c] = total[laid[k - 1] + 1 : laid[k] + 1]
+    return found
+
+
+def _net(pushed: Floats) -> float:
+    """Return what a gap pushes less what it pulls, mm."""
+    return float(pushed[-1] - pushed[0])
+
+
+def _primes(job: PrintJob, changes: dict[int, Floats]) -> dict[int, float]:
+    """Return what primes each tool, mm, by the nets behind all changes to it; else nothing."""
+    found = {}
+    for tool in sorted({int(job.contours.tool[c]) for c in changes}):
+        mine = [_net(gap) for c, gap in changes.items() if job.contours.tool[c] == tool]
+        if min(mine) > PRIMES_MM and max(mine) - min(mine) <= ALIKE_MM:
+            found[tool] = float(np.median(mine))
+    return found
 
 
 def _practices(
-    job: PrintJob, document: GcodeDocument, left: set[int], primes: Mapping[int, float],
-    deep: Mapping[int, float],
+    job: PrintJob, document: GcodeDocument, left: set[int], primes: dict[int, float],
+    changes: dict[int, Floats],
 ) -> tuple[tuple[int, Practice], ...]:  # fmt: skip
-    """Return what the source does with each tool at the changes that are left out."""
+    """Return what the source does with each tool at the changes that are left out.
+
+    It is pulled back as far as at the least of them, but for tools that are pulled out of the hot
+    end.
+    """
     found, own = [], heat_taken_by_heads(document, job) == OWN  # else they share one hot end
     for tool in np.unique(job.contours.tool).tolist():
         hot = [
@@ -309,10 +282,12 @@ def _practices(
             if own and (block := document.blocks[k]).begin.tool == tool and _is_change(block)
             if (degrees := _last_stated(block, tool)) is not None and degrees > 0.0
         ]
+        gaps = [gap for c, gap in changes.items() if job.contours.tool[c] == tool]
+        deep = min((float(gap[0] - gap.min()) for gap in gaps), default=0.0)
+        deep = deep if PRIMES_MM < deep <= UNLOAD_MM else 0.0
         practice = Practice(
-            round(deep.get(tool, 0.0), DIGITS), round(primes.get(tool, 0.0), DIGITS),
-            max(hot, default=None),
-        )  # fmt: skip
+            round(deep, DIGITS), round(primes.get(tool, 0.0), DIGITS), max(hot, default=None)
+        )
         if practice != Practice():
             found.append((tool, practice))
     return tuple(found)
@@ -323,10 +298,3 @@ def _last_stated(block: Block, tool: int) -> float | None:
     commands = b"\n".join(commands_of(block.text))
     given = [each for each in hot_end_commands_in(commands, block.begin.tool) if each.tool == tool]
     return given[-1].command.degrees if given else None
-
-
-def _renamed(notes: tuple[str, ...], places: int) -> list[str]:
-    """Return the notes with another number of places nothing is moved across."""
-    rest = [note for note in notes if not _PLACES.match(note)]
-    text = f"{places} place{'s' * (places != 1)} nothing is moved across"
-    return [*rest, text] if places else rest

@@ -51,11 +51,8 @@ def with_stretches(
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return the source with these stretches and nothing else.
 
-    Raises
-    ------
-    InputError
-        Where lines that stay move the head by themselves: they would do so once more, through
-        what is printed.
+    Raises InputError where lines that stay move the head by themselves: they would do so once
+    more, through what is printed.
     """
     stretches = [_in_words(stretch, document) for stretch in stretches]
     contours = contours_of(job.contours, stretches)
@@ -114,11 +111,6 @@ def cut_document(
     if pieces.along is not None:
         owed[pieces.along[begins] > 0.0] = 0.0
     return replace(document, point_state=document.point_state[row], owed=owed, point_arc=arc)
-
-
-def uncut_segments(document: GcodeDocument) -> NDArray[np.bool_]:
-    """Tell which segments may be cut at their ends alone, (n_points,): chords of arcs."""
-    return np.asarray(document.point_arc != NO_ARC)
 
 
 def has_stiff_arc(document: GcodeDocument, contours: Contours) -> NDArray[np.bool_]:

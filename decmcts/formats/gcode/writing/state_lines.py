@@ -31,7 +31,7 @@ class StateLines:
         self._row = self._table.rows[state].tolist()
         self._due_once(layer_words(self._table.text(state, "layer")))
 
-    def set(self, state: int, *, before_travel: bool) -> None:
+    def set(self, state: int, *, before_travel: bool = False) -> None:
         """Write what sets a state; with `before_travel` only the labels a travel belongs to."""
         table = self._table
         target = self._rows.get(state)
@@ -87,7 +87,6 @@ class StateLines:
         return due
 
     def _arrive(self) -> None:
-        """Write what follows the first move of a layer."""
         self._write(self._arrival)
         self._arrival = ()
 

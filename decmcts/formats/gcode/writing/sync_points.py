@@ -53,54 +53,40 @@ def number_sync_points(
 
     Signals nearer than `interval_s` are one, at the later point of the same action.
     """
-    waited = {
-        (h, k): edges
-        for h, head in enumerate(plan.heads)
-        for k in np.flatnonzero(np.diff(head.after_offsets)).tolist()
-        if (edges := [edge for edge in head.after_edges(k) if edge.head != h])
-    }
-    signals = signals_of(plan, job, interval_s)
-    given = set(signals.at.values())
-    first = len(plan.heads) + 1
-    numbers = {at: first + n for n, at in enumerate(sorted(given, key=lambda at: _due(plan, at)))}
-    last = first + len(numbers)
-    done = tuple(range(last, last + len(plan.heads)))
-    ended = tuple(range(last + len(plan.heads), last + 2 * len(plan.heads)))
-    passed: dict[Action, dict[int, int]] = {}
+    signals, heads = signals_of(plan, job, interval_s), len(plan.heads)
+    given = sorted(set(signals.at.values()), key=lambda at: _due(plan, at))
+    numbers = {at: heads + 1 + n for n, at in enumerate(given)}
+    last = heads + 1 + len(numbers)
+    done, ended = tuple(range(last, last + heads)), tuple(range(last + heads, last + 2 * heads))
+    at_end, passed = dict[Action, int](), dict[Action, dict[int, int]]()
     for (head, action, point), number in numbers.items():
-        if point != ACTION_END:
+        if point == ACTION_END:
+            at_end[head, action] = number
+        else:
             passed.setdefault((head, action), {})[point] = number
+    waits, lags = _waits(plan, {at: numbers[place] for at, place in signals.at.items()})
     return SyncPoints(
-        {(h, a): number for (h, a, point), number in numbers.items() if point == ACTION_END},
-        frozenset(signals.at_rest(plan, release)),
-        passed,
-        _waited_once(
-            {
-                at: {numbers[signals.at[place_of(plan, edge)]] for edge in edges}
-                for at, edges in waited.items()
-            }
-        ),
-        {
-            at: lag
-            for at, edges in waited.items()
-            if (lag := max(edge.lag_s for edge in edges)) > 0.0
-        },
-        done,
-        ended,
-        signals.apart,
-        _counted(len(plan.heads), numbers, done, ended),
-    )
+        at_end, frozenset(signals.at_rest(plan, release)), passed, waits, lags, done, ended,
+        signals.apart, _counted(heads, numbers, done, ended),
+    )  # fmt: skip
 
 
-def _waited_once(waits: Mapping[Action, set[int]]) -> dict[Action, tuple[int, ...]]:
-    """Return what each action waits for that no earlier action of its head has waited for."""
-    found, made = dict[Action, tuple[int, ...]](), dict[int, set[int]]()
-    for (head, action), numbers in sorted(waits.items()):
-        known = made.setdefault(head, set())
-        if numbers - known:
-            found[head, action] = tuple(sorted(numbers - known))
-        known |= numbers
-    return found
+def _waits(
+    plan: JointPlan, numbers: Mapping[Place, int]
+) -> tuple[dict[Action, tuple[int, ...]], dict[Action, float]]:
+    """Return what each action waits for that no earlier one of its head has, and its lags, s."""
+    waits, lags = dict[Action, tuple[int, ...]](), dict[Action, float]()
+    for h, head in enumerate(plan.heads):
+        known = set[int]()
+        for k in np.flatnonzero(np.diff(head.after_offsets)).tolist():
+            edges = [edge for edge in head.after_edges(k) if edge.head != h]
+            due = {numbers[place_of(plan, edge)] for edge in edges} - known
+            if due:
+                waits[h, k] = tuple(sorted(due))
+            known |= due
+            if (lag_s := max((edge.lag_s for edge in edges), default=0.0)) > 0.0:
+                lags[h, k] = lag_s
+    return waits, lags
 
 
 def _counted(
@@ -108,11 +94,10 @@ def _counted(
 ) -> dict[int, tuple[int, int]]:
     """Return the file and the count of each number, in the order in which files have them."""
     found = {}
-    within: list[list[Place]] = [[] for _ in range(heads)]
-    for place in sorted(numbers, key=lambda p: (p[0], p[1], p[2] == ACTION_END, p[2])):
-        within[place[0]].append(place)
-    for h, places in enumerate(within):
-        every = [h + 1, *(numbers[place] for place in places), done[h], ended[h]]
+    places = sorted(numbers, key=lambda p: (p[0], p[1], p[2] == ACTION_END, p[2]))
+    for h in range(heads):
+        own = (numbers[place] for place in places if place[0] == h)
+        every = [h + 1, *own, done[h], ended[h]]
         found.update({number: (h + 1, count) for count, number in enumerate(every, 1)})
     return found
 
@@ -125,14 +110,9 @@ def _due(plan: JointPlan, place: Place) -> tuple[float, int, int, bool, int]:
 
 
 class HeadWaits:
-    """Writes the waits, dwells and signals of one head.
+    """Writes the waits, dwells and signals of one head, counted from 0 in the plan.
 
-    Parameters
-    ----------
-    head : int
-        Its place in the plan.
-    apart_s : float
-        How long it stands before a signal at rest that is too near to the one before.
+    It stands `apart_s` before a signal at rest that is too near to the one before.
     """
 
     def __init__(

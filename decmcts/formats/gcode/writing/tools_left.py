@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import OF_TOOL
-from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, OwnStart
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, MoreStates, OwnStart
 from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import HeatTaken, heat_taken_by_heads, hot_end_command
 from decmcts.formats.gcode.writing.own_lines import own_lines
@@ -57,11 +58,9 @@ def with_tool_left(
             path=document.path,
         )
     contours = printed_with(freed.job.contours, other)
-    states = _States(freed, other)
     own = first_use(job, document, tool)
-    alone = _Text(
-        freed, document, tool, other, states, heat_taken_by_heads(document, job), first
-    ).alone(own)
+    heat_taken = heat_taken_by_heads(document, job)
+    alone = _Text(freed, document, tool, other, heat_taken, first).alone(own)
     found = replace(freed.job, contours=contours, practices=())
     why = _other_heat(found, alone, tool, (job, document), first)
     if why and other:
@@ -82,10 +81,13 @@ class _Text:
 
     def __init__(
         self, freed: Freed, document: GcodeDocument, tool: int, other: Mapping[int, int],
-        states: _States, heat_taken: HeatTaken, first: int,
+        heat_taken: HeatTaken, first: int,
     ) -> None:  # fmt: skip
         self.freed, self.document, self.tool, self.other = freed, document, tool, other
-        self.states, self.heat_taken, self.start = states, heat_taken, document.start
+        self.states, self.heat_taken, self.start = _States(freed, other), heat_taken, document.start
+        self._own = partial(
+            own_lines, tool=tool, newline=document.newline, heat_taken=heat_taken
+        )  # fmt: skip
         self.begins = int(freed.job.contours.epoch[first])
         self.own = np.flatnonzero(printed_with(freed.job.contours, other).tool == tool)
 
@@ -94,32 +96,31 @@ class _Text:
         document = self.document
         start = self.start = document.start if own is None else own.end
         preamble = document.preamble + (b"" if own is None else own.text)
-        lines = self._own(preamble, 0, relative_e=False, keep_homing=True)
+        lines = self._own(preamble, selected=0, relative_e=False, keep_homing=True)
         if not start.relative_e:  # what lines that are left out have led E to
             lines += b"G92 E%.5f" % start.e + document.newline
         taken = 0 if own is None else own.line
         blocks = (
             self._block(block) for block in self.freed.document.blocks if block.last_line != taken
         )
-        end, heat_taken = document.end, self.heat_taken
-        heat_taken = heat_taken if heat_taken == "all" else "off"
+        end = document.end
         postamble = self._own(
-            document.postamble, end.tool, relative_e=end.relative_e, heat_taken=heat_taken
-        )
+            document.postamble, selected=end.tool, relative_e=end.relative_e,
+            heat_taken="all" if self.heat_taken == "all" else "off",
+        )  # fmt: skip
         found = replace(
             self.freed.document, preamble=self._selecting(lines), postamble=postamble,
             start=replace(start, tool=self.tool), end=self._end(end),
             blocks=tuple(block for block in blocks if block is not None), own_starts=(),
         )  # fmt: skip
-        return self.states.put_into(found)
+        states = self.states  # all of them are known only now
+        return replace(found, states=states.more.table(), point_state=states.point_state)
 
     def _end(self, end: Cursor) -> Cursor:
         """Return where the head's controller stands below its last bead."""
         cursor = self._cursor(end, len(self.own))
-        if self.other.get(end.tool, end.tool) == self.tool:
-            return cursor
-        deep = self.freed.job.settings.for_tool(self.tool).retract_mm
-        return replace(cursor, owed=deep, pulled=deep, firmware_retracted=False)
+        used = self.other.get(end.tool, end.tool) == self.tool
+        return cursor if used else self._retracted(cursor)
 
     def _block(self, block: Block) -> Block | None:
         """Return a block as the head has it; None: it has nothing of it."""
@@ -128,7 +129,7 @@ class _Text:
             block.text if self.heat_taken == "all" else self._without_heat(block, changes=changes)
         )
         selected = begin.tool if changes else self.other.get(begin.tool, begin.tool)
-        lines = self._own(text, selected, relative_e=begin.relative_e, fed=not changes)
+        lines = self._own(text, selected=selected, relative_e=begin.relative_e, fed=not changes)
         if not commands_of(lines):
             return None
         epochs = self.freed.job.contours.epoch[self.own]
@@ -147,6 +148,9 @@ class _Text:
                 cursor, owed=start.owed, pulled=start.pulled,
                 firmware_retracted=start.firmware_retracted,
             )  # fmt: skip
+        return self._retracted(cursor)
+
+    def _retracted(self, cursor: Cursor) -> Cursor:
         deep = self.freed.job.settings.for_tool(self.tool).retract_mm
         return replace(cursor, owed=deep, pulled=deep, firmware_retracted=False)
 
@@ -155,22 +159,14 @@ class _Text:
 
         Of another tool's that it prints for, and those of its own standby.
         """
-        rows = block.text.splitlines(keepends=True)
-        if changes and block.end.tool != self.tool:
-            return b"".join(row for row in rows if hot_end_command(command_of(row)) is None)
-        if not changes and block.begin.tool in self.other:
-            return b"".join(row for row in rows if not _heats_in_use(row))
-        return block.text
-
-    def _own(
-        self, text: bytes, selected: int, *, relative_e: bool, keep_homing: bool = False,
-        heat_taken: HeatTaken | None = None, fed: bool = True,
-    ) -> bytes:  # fmt: skip
-        return own_lines(
-            text, self.tool, selected=selected, fed=fed, keep_homing=keep_homing,
-            relative_e=relative_e, newline=self.document.newline,
-            heat_taken=heat_taken or self.heat_taken,
-        )  # fmt: skip
+        kept = []
+        for row in block.text.splitlines(keepends=True):
+            command = hot_end_command(command_of(row))
+            standby = changes and block.end.tool != self.tool
+            of_other = not changes and block.begin.tool in self.other
+            if command is None or not (standby or (of_other and command.tool is None)):
+                kept.append(row)
+        return b"".join(kept)
 
     def _cursor(self, cursor: Cursor, behind: int) -> Cursor:
         """Return where the head's controller stands; `behind` counts its contours above."""
@@ -189,24 +185,14 @@ class _Text:
         return b"".join([*rows[:at], b"T%d" % self.tool + self.document.newline, *rows[at:]])
 
 
-def _heats_in_use(row: bytes) -> bool:
-    """Tell whether a line says how hot the tool in use is to be, without naming it."""
-    command = hot_end_command(command_of(row))
-    return command is not None and command.tool is None
-
-
 class _States:
     """States of a source, where fans and settings of the tool in use are another tool's."""
 
     def __init__(self, freed: Freed, other: Mapping[int, int]) -> None:
         document, self.contours = freed.document, freed.job.contours
-        self.table, self.point_state = document.states, document.point_state.copy()
+        self.point_state, self.more = document.point_state.copy(), MoreStates(document.states)
         slots = document.states.slots
         self._its = [k for k, s in enumerate(slots) if s.startswith("fan") or s in OF_TOOL]
-        self._rows = list(map(tuple, document.states.rows.tolist()))
-        self._known = {row: k for k, row in enumerate(self._rows)}
-        travel = document.states.travel
-        self._travel = None if travel is None else travel.tolist()
         owner = np.repeat(np.arange(len(self.contours)), np.diff(self.contours.offsets))
         for due, has in other.items():
             like = _nearest(self.contours, due, has)
@@ -219,27 +205,12 @@ class _States:
 
     def of(self, state: int, model: int) -> int:
         """Return the state that is like one, but for what goes with a tool: that is the model's."""
-        row = list(self._rows[state])
-        for k in self._its:
-            row[k] = self._rows[model][k]
-        key = tuple(row)
-        if key not in self._known:
-            self._known[key] = len(self._rows)
-            self._rows.append(key)
-            if self._travel is not None:
-                self._travel.append(self._travel[state])
-        return self._known[key]
+        row = self.more.rows[model]
+        return self.more.like(state, {k: row[k] for k in self._its})
 
     def begins(self, contour: int) -> int:
         """Return the state in which a contour begins."""
         return int(self.point_state[self.contours.offsets[contour] + 1])
-
-    def put_into(self, document: GcodeDocument) -> GcodeDocument:
-        """Return a document with these states."""
-        rows = np.array(self._rows, np.int32).reshape(-1, len(self.table.slots))
-        travel = None if self._travel is None else np.array(self._travel, np.int32)
-        states = replace(self.table, rows=rows, travel=travel)
-        return replace(document, states=states, point_state=self.point_state)
 
 
 def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:

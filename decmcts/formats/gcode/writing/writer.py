@@ -55,17 +55,9 @@ def write_gcode(
     the bed; after the last contour the head goes over the print to above where the
     source's postamble begins.
 
-    Parameters
-    ----------
-    out : path or stream
-        A path is written atomically, gzipped if it ends in ``.gz``.
-    header_lines : sequence of str
-        Put at the top as comments.
+    A path is written atomically, gzipped if it ends in ``.gz``.
 
-    Raises
-    ------
-    InputError
-        When a contour is missing or doubled, or `out` cannot be written.
+    Raises InputError when a contour is missing or doubled, or `out` cannot be written.
     """
     _check_once(job, actions, document)
     emitter = Emitter(document, job.settings, walls_for(job))
@@ -83,8 +75,10 @@ def write_gcode(
             path.append(actions.action_path(k))
         if kind is ActionKind.WAIT:
             if ahead[k] >= 0:
-                emitter.set_travel(first_state(beads, document, actions, ahead[k]))
-            pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
+                emitter.states.set_travel(first_state(beads, document, actions, ahead[k]))
+            emitter.retract()
+            _follow(emitter, path)
+            emitter.dwell(float(actions.end_s[k] - actions.begin_s[k]))
             path = []
         if kind is not ActionKind.PRINT:
             continue
@@ -140,11 +134,11 @@ def emit_block(emitter: Emitter, block: Block) -> None:
             x, y, _ = emitter.at
             emitter.travel([(x, y, begin.position[2])])
     elif math.dist(emitter.at, begin.position) >= NEAR_MM:
-        emitter.set_travel(begin.state)
+        emitter.states.set_travel(begin.state)
         emitter.bridge(begin.position)
     emitter.owe(begin.owed, firmware=begin.firmware_retracted)
     left = emitter.owed - begin.owed
-    emitter.set_state(begin.state)
+    emitter.states.set(begin.state)
     emitter.set_e(begin.e)
     emitter.set_feed(begin.feed)
     stood = emitter.at
@@ -156,13 +150,6 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     emitter.leave()
     if not block.moves:
         emitter.at = stood
-
-
-def pause(emitter: Emitter, path: list[NDArray[np.float64]], seconds: float) -> None:
-    """Retract, go where the plan waits and stand still there."""
-    emitter.retract()
-    _follow(emitter, path)
-    emitter.dwell(seconds)
 
 
 def print_contour(
@@ -185,16 +172,16 @@ def print_contour(
     commands = passed or {}
     plain = beads.plain[contour] and not entry and not commands
     way = None if plain else traversal(beads.job.contours, contour, entry)
+    step = -1 if is_reversed else 1
     if way is None:
-        points, state = beads.points(contour, is_reversed=is_reversed), beads.state[contour]
+        points, state = beads.job.contours.polyline(contour)[::step], beads.state[contour]
     else:
-        step = -1 if is_reversed else 1
         points = way.points[::step]
         state = int(emitter.document.point_state[way.rows[1:]][::step][0])
     begin: Point = tuple(points[0].tolist())
-    emitter.set_state(state, before_travel=True)
+    emitter.states.set(state, before_travel=True)
     if math.dist(begin, emitter.at) >= NEAR_MM:
-        emitter.set_travel(state)
+        emitter.states.set_travel(state)
     written = len(emitter.lines)
     _go(emitter, path, begin)
     first = emitter.top == -math.inf  # what the start code pushes belongs to the first bead
@@ -203,7 +190,7 @@ def print_contour(
     emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False
     if way is None:
-        emitter.set_state(state)
+        emitter.states.set(state)
         ends = beads.ends(contour, is_reversed=is_reversed)
         left = beads.left(contour, is_reversed=is_reversed) if emitter.relative_e else []
         emitter.plain(ends, left, beads.feed[contour])
@@ -226,7 +213,7 @@ def _lay(
     while k < len(feed):
         if state[k] != held:
             held = state[k]
-            emitter.set_state(held)
+            emitter.states.set(held)
         if arc := arcs.get(k):
             until = arc.end
             pushed = float(sum(filament[k:until]))
@@ -256,7 +243,6 @@ def _go(emitter: Emitter, path: list[NDArray[np.float64]], begin: Point) -> None
 
 
 def _follow(emitter: Emitter, path: list[NDArray[np.float64]]) -> None:
-    """Follow the planned path if it starts here."""
     way = [tuple(p) for part in path for p in part.tolist()]
     if way and math.dist(way[0], emitter.at) < NEAR_MM:
         emitter.travel(way[1:])
@@ -270,12 +256,12 @@ def _finish(emitter: Emitter) -> None:
     """
     end = emitter.document.end
     if math.dist(emitter.at, end.position) >= NEAR_MM:
-        emitter.set_travel(end.state)
+        emitter.states.set_travel(end.state)
     emitter.hover(end.position)
     if abs(emitter.owed - end.owed) > 1e-6:  # be it but rounding: nothing is left for later
         emitter.retract()
     emitter.owe(end.owed, firmware=end.firmware_retracted)
-    emitter.set_state(end.state)
+    emitter.states.set(end.state)
     emitter.set_e(end.e)
     emitter.set_feed(end.feed)
     emitter.verbatim(b"".join(without_progress(emitter.document.postamble)))

@@ -16,7 +16,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text import binary
-from decmcts.formats.gcode.text.binary import BinaryBlock, is_binary, pack, read_blocks, unpack
+from decmcts.formats.gcode.text.binary import MAGIC, BinaryBlock, pack, read_blocks, unpack
 from decmcts.formats.gcode.text.source_text import load_text, packed_text
 
 BODY = """M107
@@ -106,10 +106,10 @@ def test_in_its_source_place_a_file_keeps_its_format_whatever_its_name(tmp_path)
     binary_file, plain_file = tmp_path / "tmp1", tmp_path / "b.bgcode"
     binary_file.write_bytes(pack(text()))
     plain_file.write_bytes(text())
-    assert is_binary(packed_text(load_text(binary_file), binary_file, binary_file))
+    assert packed_text(load_text(binary_file), binary_file, binary_file).startswith(MAGIC)
     assert packed_text(text(), plain_file, plain_file) == text()
     assert packed_text(load_text(binary_file), tmp_path / "o.gcode", binary_file)[:1] == b";"
-    assert is_binary(packed_text(text(), tmp_path / "o.bgcode", plain_file))
+    assert packed_text(text(), tmp_path / "o.bgcode", plain_file).startswith(MAGIC)
 
 
 def test_text_of_no_slicer_is_not_packed():
@@ -126,7 +126,7 @@ class Forgetful:
 
     def open(self, path, mode):
         file = Path(path)
-        if mode == "rb" and not is_binary(file.read_bytes()):
+        if mode == "rb" and not file.read_bytes().startswith(MAGIC):
             file.write_bytes(file.read_bytes().replace(b"M107\n", b""))
         return pybgcode.open(path, mode)
 
