@@ -37,7 +37,6 @@ from agents.agreeing.events import (
     Forget,
     HeadFenced,
     Leave,
-    Left,
     LiveChanged,
     LogNote,
     Phase,
@@ -113,21 +112,13 @@ class Protocol:
         """Take in one event and return what is to be done, in order."""
         if self.phase is Phase.LEFT:
             return []
-        self._take_in(event)
-        self._sync()
-        self._check_roster()
-        if self.phase is Phase.AGREEING:
-            self._agreement.advance()
-        return self._take_out()
-
-    def _take_in(self, event: ProtocolEvent) -> None:
         agreement = self._agreement
         match event:
             case Presence(head, epoch, alive):
                 change = self._roster.appeared if alive else self._roster.gone
                 self._out += change(head, epoch)
-            case Envelope(stamp, message):
-                self._receive(stamp.head, stamp.order, message)
+            case Envelope(head, epoch, seq, message):
+                self._receive(head, (epoch, seq), message)
             case Distribution() | Joint():
                 self._send_planning(event)
             case PlanningEnded():
@@ -141,7 +132,12 @@ class Protocol:
             case Tick(within):
                 self._tick(within)
             case Leave(reason):
-                self._leave(reason)
+                agreement.leave(reason)
+        self._sync()
+        self._check_roster()
+        if self.phase is Phase.AGREEING:
+            agreement.advance()
+        return self._take_out()
 
     # Peers ------------------------------------------------------------------
 
@@ -194,7 +190,7 @@ class Protocol:
         else:
             self._roster.fence(head, epoch)
 
-    # Time, leaving, output ------------------------------------------------------
+    # Time and output --------------------------------------------------------------
 
     def _send_planning(self, message: Distribution | Joint) -> None:
         if self.phase is Phase.PLANNING and len(self.live) > 1 and self._is_of_now(message):
@@ -205,11 +201,6 @@ class Protocol:
         if len(self.live) > 1 and not self.settled:
             self._send(Beat(within))
         self._agreement.tick()
-
-    def _leave(self, reason: str) -> None:
-        self._send(Goodbye(self._agreement.released_digest, reason))
-        self._out.append(Left(reason))
-        self._agreement.phase = Phase.LEFT
 
     def _send(self, message: Message) -> None:
         self._out.append(Send(message))

@@ -162,15 +162,12 @@ class Supervisor:
             return
         # Loading and compiling say nothing of rounds.
         self._liveness.take_word(head, now, plans=self.status[head].rounds > 0)
-        self._receive(head, line)
-
-    def _receive(self, head: int, line: dict[str, Any]) -> None:
         match line:
             case {"event": "ready"}:
                 self._ready.add(head)
                 if self._over_at is not None:  # the others waited for it alone
-                    self._over_at = self._clock()
-                self._first_ready_at = self._first_ready_at or self._clock()
+                    self._over_at = now
+                self._first_ready_at = self._first_ready_at or now
                 self._update(head, phase="waiting")
             case {"event": "progress"}:
                 self._progress(head, line)
@@ -182,12 +179,12 @@ class Supervisor:
                 self._miss(head, heads)
             case {"event": "shut", "reason": reason}:
                 self._update(head, note=reason)
-                if self._clock() - self._moved_at > liveness.GRACE_S:
+                if now - self._moved_at > liveness.GRACE_S:
                     self._move()
             case {"event": "released"}:
                 self._released[head] = line
-                self._released_since = self._released_since or self._clock()
-                self._over_at = self._over_at or self._clock()
+                self._released_since = self._released_since or now
+                self._over_at = self._over_at or now
                 self._update(head, phase="released")
 
     def _progress(self, head: int, line: dict[str, Any]) -> None:

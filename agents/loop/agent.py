@@ -182,7 +182,8 @@ class Agent:
         before = self._clock()
         try:
             self._judge_offer(before)
-            self._planner.iterate(self._live, self._spent(before))
+            spent = (before - self._start) / self._limit_s if self._limit_s > 0.0 else 1.0
+            self._planner.iterate(self._live, min(1.0, spent))
         except InputError as error:
             self._get_stuck(error)
             return
@@ -191,10 +192,6 @@ class Agent:
         self._round_s = now - before
         if len(self._live) > 1:
             self._share(now)
-
-    def _spent(self, now: float) -> float:
-        """Return the share of the time for planning that is over, 0..1."""
-        return min(1.0, (now - self._start) / self._limit_s) if self._limit_s > 0.0 else 1.0
 
     def _judge_offer(self, now: float) -> None:
         """Let the planner judge what a peer sent, if it claims to be better than ours."""
@@ -275,7 +272,7 @@ class Agent:
             return
         try:
             envelope = decode(arrival.payload, self._planner.most_symbols)
-            if (envelope.stamp.head, kind_of(envelope.message)) != (arrival.head, arrival.kind):
+            if (envelope.head, kind_of(envelope.message)) != (arrival.head, arrival.kind):
                 raise MessageError("message of another head or kind than its key")
         except MessageError as error:
             # A peer's bad message is dropped, counted and logged, never fatal.
@@ -354,7 +351,7 @@ class Agent:
     def _send(self, message: Message) -> None:
         self._seq += 1
         try:
-            payload = encode(Envelope.of(self._head, self._epoch, self._seq, message))
+            payload = encode(Envelope(self._head, self._epoch, self._seq, message))
         except MessageError as error:
             self.drop("own message too large", str(error))
             return

@@ -20,6 +20,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
@@ -116,13 +117,18 @@ class PipeFront:
             self._rest += chunk
         line, _, self._rest = self._rest.partition(b"\n")
         self._take(b"")
-        words, self.meeting = parse_arguments(line)
-        if words is None and not isinstance(parse_command(line), Leave):
-            raise InputError(
-                "the first line on stdin hands over no arguments",
-                advice='write {"command": "begin", "arguments": [...]}',
-            )
-        return words
+        given = any_command(line)
+        match given:
+            case {"command": "exit"}:
+                return None
+            case {"command": "begin", "arguments": [*words]}:
+                if "meeting" in given:
+                    self.meeting = Meeting.from_dict(given["meeting"])
+                return [str(word) for word in words]
+        raise InputError(
+            "the first line on stdin hands over no arguments",
+            advice='write {"command": "begin", "arguments": [...]}',
+        )
 
     def ask(self, event: ProtocolEvent) -> None:
         """Queue a command of this process itself (a signal)."""
@@ -213,20 +219,6 @@ class TerminalFront:
         print(harmless(line), file=sys.stderr)
 
 
-def parse_arguments(line: bytes) -> tuple[list[str] | None, Meeting | None]:
-    """Return the command line and the meeting that a first line hands over, None for either."""
-    try:
-        stated = json.loads(line)
-    except ValueError:
-        return None, None
-    match stated:
-        case {"command": "begin", "arguments": [*words], "meeting": where}:
-            return [str(word) for word in words], Meeting.from_dict(where)
-        case {"command": "begin", "arguments": [*words]}:
-            return [str(word) for word in words], None
-    return None, None
-
-
 def any_command(line: bytes) -> dict[str, Any] | None:
     """Return a line as it is, a mapping; None for anything else."""
     try:
@@ -238,19 +230,16 @@ def any_command(line: bytes) -> dict[str, Any] | None:
 
 def parse_command(line: bytes) -> ProtocolEvent | Meet | None:
     """Return the event a command line stands for, None for anything else."""
-    try:
-        asked = json.loads(line)
-        match asked:
-            case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
-                return HeadFenced(head, epoch)
-            case {"command": "meet", "places": [*places]}:
+    match any_command(line):
+        case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
+            return HeadFenced(head, epoch)
+        case {"command": "meet", "places": [*places]}:
+            with suppress(ValueError):
                 return Meet(checked_places(places))
-            case {"command": "stop"}:
-                return PlanningEnded()
-            case {"command": "exit"}:
-                return Leave("done")
-    except ValueError:
-        pass
+        case {"command": "stop"}:
+            return PlanningEnded()
+        case {"command": "exit"}:
+            return Leave("done")
     return None
 
 

@@ -36,7 +36,6 @@ from agents.messages.kinds import (
     Plans,
     Proposal,
     Sequence32,
-    Stamp,
 )
 from agents.messages.rows import PLAIN, array, fields_of, integer, text
 
@@ -81,10 +80,10 @@ def encode(envelope: Envelope) -> bytes:
     MessageError
         If they would exceed `MAX_MESSAGE_BYTES`, or a joint plan `MAX_JOINT_BYTES`.
     """
-    stamp, message = envelope.stamp, envelope.message
-    head = [kind_of(message), stamp.head, stamp.epoch, stamp.seq]
-    packed: bytes = msgpack.packb(head + _row(message), use_bin_type=True)
-    _require_size(kind_of(message), len(packed))
+    kind = kind_of(envelope.message)
+    head = [kind, envelope.head, envelope.epoch, envelope.seq]
+    packed: bytes = msgpack.packb(head + _row(envelope.message), use_bin_type=True)
+    _require_size(kind, len(packed))
     return packed
 
 
@@ -102,12 +101,11 @@ def decode(data: bytes, most_symbols: int = MAX_SYMBOLS) -> Envelope:
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError(f"{len(data)} bytes, limit {MAX_MESSAGE_BYTES}")
     try:
-        items = _unpack(data)
-        word, head, epoch, seq, *fields = items
+        word, head, epoch, seq, *fields = _unpack(data)
         kind = _MESSAGES[text(word)]
         _require_size(word, len(data))
-        stamp = Stamp(integer(head), integer(epoch), integer(seq))
-        return Envelope(stamp, _read(kind, fields, min(most_symbols, MAX_SYMBOLS)))
+        message = _read(kind, fields, min(most_symbols, MAX_SYMBOLS))
+        return Envelope(integer(head), integer(epoch), integer(seq), message)
     except MessageError:
         raise
     except (ValueError, KeyError, TypeError, OverflowError, zlib.error, RecursionError) as error:
@@ -149,7 +147,8 @@ def pack_sequences(sequences: Sequence[Sequence32]) -> list[Any]:
     lengths = [len(s) for s in sequences]
     parts = [np.diff(s.astype(np.int64), prepend=np.int64(0)) for s in sequences]
     flat = np.concatenate([np.zeros(0, np.int64), *parts]).astype(np.int64)
-    width = _narrowest(flat)
+    peak = int(np.abs(flat).max()) if len(flat) else 0
+    width = next(w for w in range(4) if peak < 2 ** (8 * 2**w - 1))  # the narrowest that holds it
     return [lengths, width, zlib.compress(flat.astype(_WIDTHS[width]).tobytes(), _DEFLATE_LEVEL)]
 
 
@@ -180,11 +179,6 @@ def _inflate(body: object, size: int) -> bytes:
     if len(flat) != size or not inflater.eof or inflater.unused_data:
         raise MessageError(f"sequences inflate to other than {size} bytes")
     return flat
-
-
-def _narrowest(flat: np.ndarray[Any, np.dtype[np.int64]]) -> int:
-    peak = int(np.abs(flat).max()) if len(flat) else 0
-    return next(w for w in range(4) if peak < 2 ** (8 * 2**w - 1))
 
 
 def _row(message: Message) -> list[Any]:

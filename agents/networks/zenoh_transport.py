@@ -26,7 +26,7 @@ from agents.messages.keys import Keys
 from agents.messages.kinds import MessageError, Presence
 from agents.messages.seal import ForgedError, Seal
 from agents.networks.transport import FORGED, STRANGE, Arrival, Packet
-from agents.networks.zenoh_session import LEASE_MS, Endpoints, open_session
+from agents.networks.zenoh_session import LEASE_MS, open_session
 from decmcts.errors import InputError
 
 LOG = logging.getLogger(__name__)
@@ -129,11 +129,10 @@ class ZenohTransport:
         return self
 
     def _open(self) -> None:
-        endpoints = Endpoints.mesh(self._places, self._head)
         try:
             with ExitStack() as stack:
                 # Always `with`: a session left open by an exception hangs the exit.
-                session = stack.enter_context(open_session(endpoints, self._seal))
+                session = stack.enter_context(open_session(self._places, self._head, self._seal))
                 self._messages = [
                     session.declare_subscriber(
                         self._keys.all_messages(kind), zenoh.handlers.RingChannel(self._ring)
@@ -182,10 +181,6 @@ class ZenohTransport:
         self._places, self._is_shut_reported = tuple(places), False
         self._shut_until = 0.0
 
-    def _must_begin_again(self) -> bool:
-        is_due = self._shut_until is not None and time.monotonic() >= self._shut_until
-        return self._was_stopped or is_due
-
     def _begin_again(self) -> list[Arrival]:
         """Open a new session after a stop; all peers are gone until they are seen again.
 
@@ -217,7 +212,9 @@ class ZenohTransport:
         """Return what arrived, waiting at most `timeout_s` for the first."""
         deadline = time.monotonic() + timeout_s
         while True:
-            arrivals: list[Arrival] = self._begin_again() if self._must_begin_again() else []
+            is_due = self._shut_until is not None and time.monotonic() >= self._shut_until
+            again = self._was_stopped or is_due
+            arrivals: list[Arrival] = self._begin_again() if again else []
             if self._session is not None:
                 arrivals += [*self._presences(), *self._packets()]
             left = deadline - time.monotonic()
@@ -285,8 +282,7 @@ class ZenohTransport:
             return batch or None
 
     def _put(self, kind: str, payload: bytes, *, reliable: bool) -> None:
-        control = zenoh.CongestionControl
-        priority = zenoh.Priority
+        control, priority = zenoh.CongestionControl, zenoh.Priority
         try:
             # BLOCK waits up to 5 s for a hung peer, here and not in planning.
             # Its own priority has its own queue, so bulk never delays commits.

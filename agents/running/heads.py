@@ -65,8 +65,7 @@ class HeadProcesses:
 
     def restart(self) -> None:
         """Start another agent in the place of one that is gone, or is ended here."""
-        with suppress(ProcessLookupError):
-            os.kill(self.agent.pid, signal.SIGKILL)
+        self.agent.kill()
         self.agent.reap()
         self._start_agent()
         self.agent.begin(*self._begun)

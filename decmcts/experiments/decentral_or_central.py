@@ -39,7 +39,6 @@ from decmcts.experiments.teams import (
     figures,
     given,
     in_one_process,
-    machine_for,
     planned,
 )
 from decmcts.planning.compiling.parts import PRINT, TEAM
@@ -99,10 +98,7 @@ def by_one_tree(problem: TeamProblem, stopping: Stopping, *, seed: int) -> tuple
     return resolve(problem, tree.best(live).plans, live).toolpaths
 
 
-PLANNERS: Mapping[str, PlanFunction] = {
-    "dec-mcts": in_one_process,
-    "one tree": by_one_tree,
-}
+PLANNERS: Mapping[str, PlanFunction] = {"dec-mcts": in_one_process, "one tree": by_one_tree}
 
 
 class Central(DecMctsPlanner):
@@ -137,27 +133,23 @@ def _runs(asked: Asked) -> Iterator[Key]:
 
 
 def _run(key: Key) -> Row:
-    machine, middle = machine_for(key, HEADS, BED_MM)
-    what = given(key, machine, Cut.INSIDE, middle=middle)
+    what = given(key, HEADS, BED_MM, Cut.INSIDE)
     compile_rounds()
     if key["setting"] == "equal time":
-        document = planned(what, key, PLANNERS[key["planner"]])
-        return figures(what, document)
+        return figures(what, planned(what, key, PLANNERS[key["planner"]]))
     weather = weather_of(float(key["loss"]), float(key["delay_s"]))
     result = agreed(what, weather, _planners(what.team, key), key)
     return figures(what, result.document) | {
-        "agreeing_s": round(result.released_s - result.planned_s, 2), "messages": result.messages,
+        "agreeing_s": round(result.agreeing_s, 2), "messages": result.messages,
     }  # fmt: skip
 
 
 def _planners(problem: TeamProblem, key: Key) -> Callable[[int], DecMctsPlanner]:
     """Return what makes the planner of each head."""
-    made = partial(DecMctsPlanner, problem, seed=int(key["seed"]))
+    seed = int(key["seed"])
     if key["planner"] == DECENTRAL:
-        return made
-    central = partial(Central, problem, seed=int(key["seed"]))
-    follower = partial(Follower, problem, seed=int(key["seed"]))
-    return lambda head: follower(head) if head else central(head)
+        return partial(DecMctsPlanner, problem, seed=seed)
+    return lambda head: (Follower if head else Central)(problem, head, seed=seed)
 
 
 def _equal(rows: Sequence[Line]) -> list[Line]:

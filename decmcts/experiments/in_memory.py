@@ -30,8 +30,7 @@ class Agreed(NamedTuple):
     """What a team has agreed on."""
 
     document: PlanDocument  # that the judge has passed
-    planned_s: float  # simulated seconds of planning
-    released_s: float  # until the last head released the plan
+    agreeing_s: float  # simulated seconds from the end of planning to the last release
     messages: int  # that all heads sent
     live: int
 
@@ -61,28 +60,20 @@ def agreed(
     """
     limit_s, heads = rounds_of(key) * STEP_S, len(what.problem.machine.heads)
     team = MemoryTeam(heads, weather, planner_of, seed=int(key["seed"]), limit_s=limit_s)
-    while team.network.now < PATIENCE_S and not _done(team):
+    while len(releases := team.releases()) < len(team.agents) and team.network.now < PATIENCE_S:
         disturb(team)
         team.run(STEP_S)
-    releases = list(team.releases().values())
-    if not _done(team):
+    if len(releases) < len(team.agents):
         raise VerificationError(f"{len(releases)} of {len(team.agents)} heads agreed in time")
-    if len({release.digest for release in releases}) > 1:
+    first, *others = releases.values()
+    if any(release.digest != first.digest for release in others):
         raise VerificationError("two plans were released")
-    sent = sum(sum(agent.traffic.sent.values()) for agent in team.agents.values())
-    document = _exact(what, releases[0])
-    return Agreed(document, limit_s, team.network.now, sent, len(releases[0].live))
-
-
-def _done(team: MemoryTeam) -> bool:
-    return len(team.releases()) == len(team.agents)
-
-
-def _exact(what: Given, release: PlanReleased) -> PlanDocument:
-    order = joint_order(what.team, release.plans, release.live)
-    if order.digest != release.digest:
+    order = joint_order(what.team, first.plans, first.live)
+    if order.digest != first.digest:
         raise VerificationError("the plan that was released resolves to another here")
-    return exact(what, order.toolpaths)
+    sent = sum(sum(agent.traffic.sent.values()) for agent in team.agents.values())
+    agreeing_s = team.network.now - limit_s
+    return Agreed(exact(what, order.toolpaths), agreeing_s, sent, len(first.live))
 
 
 STEP_S = 0.02

@@ -116,14 +116,19 @@ def experiment(
     ...
     decmcts.errors.InputError: no experiment 'two-hats'; there are two-heads, ...
     """
-    chosen = _chosen(name)
+    if name not in EXPERIMENTS:
+        raise InputError(f"no experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
+    chosen = EXPERIMENTS[name]
     for what, count in (("seeds", seeds), ("iterations", iterations), ("jobs", jobs)):
         if count is not None and count < 1:
             raise InputError(f"{count} {what} are none, at least 1 is needed")
     asked = Asked(full, () if prints is None else own_prints(Path(prints)))
     own = "" if prints is None else str(Path(prints).resolve())
-    csv, page, picture = (Path(folder) / f"{name}{end}" for end in (".csv", ".md", ".png"))
-    _make_folder(Path(folder))
+    into = Path(folder)
+    if into.exists() and not into.is_dir():
+        raise InputError("it is no folder", path=into, advice="name another one with -o")
+    into.mkdir(parents=True, exist_ok=True)
+    csv, page, picture = (into / f"{name}{end}" for end in (".csv", ".md", ".png"))
     for path in (csv, page, picture):
         refuse_place(path)
     rows = Rows(csv, (*chosen.key, *SHARED))
@@ -137,18 +142,6 @@ def experiment(
         _compile(chosen, report)
         _make(chosen, rows, missing, jobs or os.cpu_count() or 1, executor, report)
     return _shown(chosen, rows, keys, page, picture, report)
-
-
-def _chosen(name: str) -> Experiment:
-    if name not in EXPERIMENTS:
-        raise InputError(f"no experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
-    return EXPERIMENTS[name]
-
-
-def _make_folder(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise InputError("it is no folder", path=folder, advice="name another one with -o")
-    folder.mkdir(parents=True, exist_ok=True)
 
 
 def _keys(

@@ -29,12 +29,11 @@ from decmcts.experiments.kinds import (
     stopping_of,
 )
 from decmcts.experiments.prints import shown
-from decmcts.experiments.teams import Given, figures, given, machine_for, planned
+from decmcts.experiments.teams import Given, figures, given, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.planning.problem.planned import source_plan
 from decmcts.planning.team.pipeline import lags_of
-from decmcts.print.plan import PlanDocument
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.team.engine.alone import lone_machine
@@ -66,9 +65,9 @@ def _alone_s(what: Given, key: Key) -> float:
     return plan.makespan_s
 
 
-def _against_one_head(what: Given, document: PlanDocument, key: Key) -> Row:
-    """Return the figures of a plan, and how much sooner it ends than one head alone."""
-    one_s, row = _alone_s(what, key), figures(what, document)
+def _against_one_head(what: Given, key: Key) -> Row:
+    """Return the figures of a team's plan, and how much sooner it ends than one head alone."""
+    row, one_s = figures(what, planned(what, key)), _alone_s(what, key)
     return {
         **row,
         "one_head_s": round(one_s, 2),
@@ -98,12 +97,8 @@ def _runs_of_two(asked: Asked) -> Iterator[Key]:
 
 
 def _run_of_two(key: Key) -> Row:
-    machine, middle = machine_for(key, 2, BED_MM)
-    what = given(key, machine, Cut(key["cut"]), middle=middle)
-    document = planned(what, key)
-    return {
-        **_against_one_head(what, document, key), "pieces": len(what.problem.job.contours),
-    }  # fmt: skip
+    what = given(key, 2, BED_MM, Cut(key["cut"]))
+    return _against_one_head(what, key) | {"pieces": len(what.problem.job.contours)}
 
 
 def _tables_of_two(rows: Sequence[Line]) -> str:
@@ -159,16 +154,14 @@ def _runs_of_many(asked: Asked) -> Iterator[Key]:
 
 def _run_of_many(key: Key) -> Row:
     heads = int(key["heads"])
-    machine, middle = machine_for(key, max(2, heads), LONG_MM)
     cut = Cut(key["cut"]) if heads > 1 else Cut.NONE
-    what = given(key, machine, cut, middle=middle)
+    what = given(key, max(2, heads), LONG_MM, cut)
     if heads == 1:
         one_s = round(_alone_s(what, key), 2)
         return {"contours": len(what.whole.job.contours), "makespan_s": one_s,
                 "one_head_s": one_s, "speedup": 1.0, "most": 1.0, "waits": 0.0,
                 "idle": 0.0}  # fmt: skip
-    document = planned(what, key)
-    return _against_one_head(what, document, key)
+    return _against_one_head(what, key)
 
 
 def _tables_of_many(rows: Sequence[Line]) -> str:

@@ -38,7 +38,7 @@ from decmcts.experiments.kinds import (
     spread,
 )
 from decmcts.experiments.prints import shown
-from decmcts.experiments.teams import given, machine_for, planned
+from decmcts.experiments.teams import given, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.plan import PlanDocument
@@ -67,9 +67,7 @@ def _runs(asked: Asked) -> Iterator[Key]:
 def _plan(*of: str | float) -> PlanDocument:
     """Return the joint plan of `PLANNED`; runs of one print in a process have the same."""
     key = dict(zip(PLANNED, of, strict=True))
-    machine, middle = machine_for(key, 2, 300.0)
-    what = given(key, machine, Cut.INSIDE, middle=middle)
-    return planned(what, key)
+    return planned(given(key, 2, 300.0, Cut.INSIDE), key)
 
 
 def _run(key: Key) -> Row:

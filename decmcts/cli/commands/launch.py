@@ -13,9 +13,8 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.commands.plan import ONLY_SHOWN, titled, write_extras
 from decmcts.cli.commands.replay import heads_table, recording
-from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.console import err, out, print_json, running, steps, written
 from decmcts.cli.lines import figures, gain_table, searched_line, team_lines
-from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import is_qcsp

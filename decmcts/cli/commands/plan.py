@@ -10,7 +10,7 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.console import SafeConsole, err, out, print_json, steps, written
+from decmcts.cli.console import SafeConsole, err, out, print_json, running, steps, written
 from decmcts.cli.lines import (
     bound_line,
     changes_line,
@@ -19,7 +19,6 @@ from decmcts.cli.lines import (
     searched_line,
     whole_file_line,
 )
-from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
@@ -269,7 +268,7 @@ def show(
     if as_json:
         print_json("decmcts-result/1", figures(result, paths, times))
         return
-    show_notes(result)
+    err.show(*source_lines(planned.problem.job))
     kept = times is not None and times.kept
     to.show(titled(result))
     if not kept:  # else nothing has changed
@@ -294,8 +293,3 @@ def titled(result: Result) -> str:
     document = result.document
     contours = f"{len(document.contours):,} contours"
     return f"{result.source.name} on {document.machine.name}: {contours}, verified"
-
-
-def show_notes(result: Result) -> None:
-    """Say what in the source bound the search, or was not taken as it is."""
-    err.show(*source_lines(result.planned.problem.job))

@@ -27,7 +27,7 @@ from typer.core import TyperCommand
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.commands.plan import run_single, show_notes, write_extras
+from decmcts.cli.commands.plan import run_single, write_extras
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.lines import figures, plain_lines, searched_line, whole_file_line
 from decmcts.cli.signals import interrupt_stops
@@ -48,7 +48,7 @@ from decmcts.planning.options import (
 )
 from decmcts.planning.problem.source import beside, exported_file, is_foreign
 from decmcts.planning.result import Written
-from decmcts.planning.writing.lines import layers_line
+from decmcts.planning.writing.lines import layers_line, source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place, refuse_unwritable
 
 BESIDE = Path("beside")  # no name such an option takes: its file stands next to the exported one
@@ -81,11 +81,6 @@ class OptionalFiles(TyperCommand):
         """Parse the arguments once each of these options has a file; keep them as they came."""
         ctx.meta[__name__] = list(args)
         return super().parse_args(ctx, completed(args))
-
-
-def words_of(context: typer.Context) -> list[str]:
-    """Return the arguments of such a command as they were given."""
-    return list(context.meta.get(__name__, ()))
 
 
 BESIDE_WORDS = "; without FILE next to the exported G-code"
@@ -176,7 +171,7 @@ def named_beside(exported: Path, ending: str) -> Path | None:
 
 def show_script_line(context: typer.Context) -> None:
     """Show what to paste into a slicer, with the options that were given."""
-    words = [word for word in words_of(context) if word != "--show-line"]
+    words = [word for word in context.meta[__name__] if word != "--show-line"]
     if context.params["path"] is not None:
         raise InputError("the slicer names the file itself", advice="leave it out with --show-line")
     line = script_line(own_program(), ["post", *wherever_it_runs(words)], windows=os.name == "nt")
@@ -212,8 +207,8 @@ def show_rewritten(
         paths = [*([] if kept else [path]), *views]
         print_json("decmcts-result/1", figures(result, paths, times))
         return
-    show_notes(result)
     planned = result.planned
+    err.show(*source_lines(planned.problem.job))
     before, after = planned.before.metrics, planned.after.metrics
     name = result.source.name
     if times is not None and kept:

@@ -12,9 +12,8 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.commands.launch import show_joint
 from decmcts.cli.commands.replay import heads_table
-from decmcts.cli.console import print_json, steps, written
+from decmcts.cli.console import print_json, running, steps, written
 from decmcts.cli.lines import figures
-from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import write_all
