@@ -120,7 +120,8 @@ class Protocol:
             case Envelope(head, epoch, seq, message):
                 self._receive(head, (epoch, seq), message)
             case Distribution() | Joint():
-                self._send_planning(event)
+                if self.phase is Phase.PLANNING and len(self.live) > 1 and self._is_of_now(event):
+                    self._send(event)
             case PlanningEnded():
                 agreement.begin()
             case Proposal():
@@ -130,7 +131,10 @@ class Protocol:
             case HeadFenced(head, epoch):
                 self._roster.fence(head, epoch)
             case Tick(within):
-                self._tick(within)
+                self._out += self._roster.tick()
+                if len(self.live) > 1 and not self.settled:
+                    self._send(Beat(within))
+                agreement.tick()
             case Leave(reason):
                 agreement.leave(reason)
         self._sync()
@@ -189,18 +193,6 @@ class Protocol:
             self._agreement.receive_release(goodbye.digest)
         else:
             self._roster.fence(head, epoch)
-
-    # Time and output --------------------------------------------------------------
-
-    def _send_planning(self, message: Distribution | Joint) -> None:
-        if self.phase is Phase.PLANNING and len(self.live) > 1 and self._is_of_now(message):
-            self._send(message)
-
-    def _tick(self, within: int) -> None:
-        self._out += self._roster.tick()
-        if len(self.live) > 1 and not self.settled:
-            self._send(Beat(within))
-        self._agreement.tick()
 
     def _send(self, message: Message) -> None:
         self._out.append(Send(message))

@@ -161,12 +161,6 @@ class ZenohTransport:
         except zenoh.ZError as failed:  # a hung peer; the session is given up all the same
             LOG.warning("zenoh did not close in time: %s", failed)
 
-    def _close_soon(self) -> None:
-        """Close beside the caller: with a hung peer zenoh may take its 10 s."""
-        closing = threading.Thread(target=self._close, name="zenoh-close", daemon=True)
-        closing.start()
-        closing.join(CLOSE_S)
-
     def __exit__(self, *error: object) -> None:
         """Send what waits (briefly), then close."""
         with self._ready:
@@ -174,7 +168,10 @@ class ZenohTransport:
             self._ready.notify()
         # zenoh raises "Already borrowed" when closed during a put: wait for it.
         self._sender.join(JOIN_S)
-        self._close_soon()
+        # Beside the caller: with a hung peer zenoh may take its 10 s to close.
+        closing = threading.Thread(target=self._close, name="zenoh-close", daemon=True)
+        closing.start()
+        closing.join(CLOSE_S)
 
     def move(self, places: Sequence[str]) -> None:
         """Meet the others at other places from the next `receive` on."""

@@ -25,17 +25,7 @@ from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Event, Heads, Step
 from decmcts.planning.launch import crew_started
 from decmcts.planning.launch import launch as launch_heads
-from decmcts.planning.options import (
-    STAGGER_MM,
-    Cut,
-    Freedom,
-    Limits,
-    Objective,
-    ProcessOrder,
-    Rules,
-    Seam,
-    TeamSearch,
-)
+from decmcts.planning.options import RULES, TEAM_SEARCH, Cut, Limits, Objective, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import with_tools
 from decmcts.planning.problem.slicing import Slicing
 from decmcts.planning.read import read
@@ -78,9 +68,9 @@ def launch(
         ),
     ] = None,
     plate: opt.PlateOption = None,
-    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = Seam.NEAREST,
-    process_order: opt.ProcessOption = ProcessOrder.KEEP,
+    freedom: opt.FreedomOption = RULES.freedom,
+    seam: opt.SeamOption = RULES.seam,
+    process_order: opt.ProcessOption = RULES.process_order,
     objective: Annotated[
         Objective,
         opt.search(
@@ -88,13 +78,13 @@ def launch(
             "The makespan comes first; this is what one head's own order and the points "
             "contours are entered at save: travel (mm) or time",
         ),
-    ] = Objective.TRAVEL,
+    ] = TEAM_SEARCH.objective,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
     without_tower: opt.TowerOption = False,
-    time_limit: opt.TimeOption = 30.0,
+    time_limit: opt.TimeOption = TEAM_SEARCH.time_limit_s,
     seed: opt.SeedOption = 0,
     team: Annotated[
         Path | None,
@@ -107,7 +97,7 @@ def launch(
             "What may be cut so that heads share it, where the print ends sooner so: "
             "nothing, infill and inner walls, or outer walls too",
         ),
-    ] = Cut.INSIDE,
+    ] = TEAM_SEARCH.cut,
     weld_limit_s: opt.WeldOption = None,
     stagger_mm: opt.StaggerOption = None,
     plan_file: opt.PlanOption = None,
@@ -152,7 +142,7 @@ def launch(
     parameters = {} if team is None else read_parameters(team)
     search = TeamSearch(
         time_limit, seed, objective, parameters, cut, weld_limit_s,
-        stagger_mm=STAGGER_MM if stagger_mm is None else stagger_mm,
+        stagger_mm=TEAM_SEARCH.stagger_mm if stagger_mm is None else stagger_mm,
     )  # fmt: skip
     result = run_team(
         source, chosen, search, rules, limits=limits, plate=plate, record=record,

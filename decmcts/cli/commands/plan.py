@@ -27,17 +27,7 @@ from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, is_mesh, refuse_ot
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Step, unheard
-from decmcts.planning.options import (
-    AvoidWalls,
-    Freedom,
-    Limits,
-    Objective,
-    PlannerName,
-    ProcessOrder,
-    Rules,
-    Seam,
-    Search,
-)
+from decmcts.planning.options import RULES, SEARCH, Limits, PlannerName, Rules, Search
 from decmcts.planning.plan import plan as find_order
 from decmcts.planning.problem.slicing import AUTO, Slicing, choose_slicer
 from decmcts.planning.read import read
@@ -68,16 +58,16 @@ def plan(
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
-    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = Seam.NEAREST,
-    process_order: opt.ProcessOption = ProcessOrder.KEEP,
-    objective: opt.ObjectiveOption = Objective.TRAVEL,
+    freedom: opt.FreedomOption = RULES.freedom,
+    seam: opt.SeamOption = RULES.seam,
+    process_order: opt.ProcessOption = RULES.process_order,
+    objective: opt.ObjectiveOption = SEARCH.objective,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
-    avoid_walls: opt.AvoidOption = AvoidWalls.AUTO,
-    time_limit: opt.TimeOption = 30.0,
+    avoid_walls: opt.AvoidOption = RULES.avoid_walls,
+    time_limit: opt.TimeOption = SEARCH.time_limit_s,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     certificate: Annotated[

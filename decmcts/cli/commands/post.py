@@ -35,17 +35,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_header import AsSliced, as_sliced
 from decmcts.formats.mesh import is_mesh
-from decmcts.planning.options import (
-    AvoidWalls,
-    Freedom,
-    Limits,
-    Objective,
-    PlannerName,
-    ProcessOrder,
-    Rules,
-    Seam,
-    Search,
-)
+from decmcts.planning.options import RULES, SEARCH, Limits, PlannerName, Rules, Search
 from decmcts.planning.problem.source import beside, exported_file, is_foreign
 from decmcts.planning.result import Written
 from decmcts.planning.writing.lines import layers_line, source_lines
@@ -95,16 +85,16 @@ def post(
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
-    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = Seam.NEAREST,
-    process_order: opt.ProcessOption = ProcessOrder.KEEP,
-    objective: opt.ObjectiveOption = Objective.TRAVEL,
+    freedom: opt.FreedomOption = RULES.freedom,
+    seam: opt.SeamOption = RULES.seam,
+    process_order: opt.ProcessOption = RULES.process_order,
+    objective: opt.ObjectiveOption = SEARCH.objective,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
-    avoid_walls: opt.AvoidOption = AvoidWalls.AUTO,
-    time_limit: opt.TimeOption = 30.0,
+    avoid_walls: opt.AvoidOption = RULES.avoid_walls,
+    time_limit: opt.TimeOption = SEARCH.time_limit_s,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     make_safe: opt.MakeSafeOption = False,
