@@ -46,19 +46,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from agents.agreeing import events
 from agents.agreeing.ballot import Ballot, PlanKey, key_of
-from agents.agreeing.events import (
-    Effect,
-    Left,
-    LogNote,
-    Phase,
-    PlanReleased,
-    PlanResolved,
-    Propose,
-    Resolve,
-    Send,
-    Unfenced,
-)
 from agents.agreeing.roster import Roster
 from agents.messages.kinds import (
     Commit,
@@ -91,9 +80,9 @@ class HeadAgreement:
     The protocol changes the `roster`; `epoch` is our incarnation.
     """
 
-    def __init__(self, head: int, epoch: int, roster: Roster, out: list[Effect]) -> None:
+    def __init__(self, head: int, epoch: int, roster: Roster, out: list[events.Effect]) -> None:
         self.head = head
-        self.phase = Phase.PLANNING
+        self.phase = events.Phase.PLANNING
         self._term = epoch * _TERMS
         self._roster, self._out = roster, out
         self._known: dict[int, int] = {}  # greeted peers (head -> epoch) as last looked at
@@ -110,7 +99,7 @@ class HeadAgreement:
     @property
     def settled(self) -> bool:
         """Whether we released and every live peer said so too."""
-        return self.phase is Phase.RELEASED and self._lowest() == Stage.RELEASED
+        return self.phase is events.Phase.RELEASED and self._lowest() == Stage.RELEASED
 
     def sync(self) -> tuple[int, ...] | None:
         """Forget what peers stated who are not greeted any more; None: all are as before.
@@ -163,8 +152,8 @@ class HeadAgreement:
 
     def begin(self) -> None:
         """End planning."""
-        if self.phase is Phase.PLANNING:
-            self.phase = Phase.AGREEING
+        if self.phase is events.Phase.PLANNING:
+            self.phase = events.Phase.AGREEING
             self.restart_round()
 
     def restart_round(self) -> None:
@@ -176,12 +165,12 @@ class HeadAgreement:
             self._adopting = None  # who released it is gone, and nobody else has the plan
         if self._adopting is None:
             self._ballot.drop(self.head)
-            self._out.append(Propose(self._roster.live))
+            self._out.append(events.Propose(self._roster.live))
 
     def proposed(self, own: Proposal) -> None:
         """Take in our planner's own proposal."""
         asked = (self._roster.live, self._serial)
-        if self.phase is not Phase.AGREEING or (own.live, own.serial) != asked:
+        if self.phase is not events.Phase.AGREEING or (own.live, own.serial) != asked:
             return  # answers what is history; another Propose is out
         self._ballot.propose(self.head, own, verified=True)
         if self._known:
@@ -193,15 +182,15 @@ class HeadAgreement:
         plans = self._ballot.begin_resolving(proposal)
         if plans is not None:
             self._may_resolve -= 1
-            self._out.append(Resolve(proposal.live, plans, proposal.digest))
+            self._out.append(events.Resolve(proposal.live, plans, proposal.digest))
 
-    def resolved(self, event: PlanResolved) -> None:
+    def resolved(self, event: events.PlanResolved) -> None:
         """Take in what a plan of others gives here."""
         key = (event.live, event.claimed)
         if not self._ballot.end_resolving(key, event.digest, event.makespan_s):
             claimed, here = apart(event.claimed, event.digest)
             text = f"plan {claimed} resolves to {here or 'nothing'} here; not taken"
-            self._out.append(LogNote(text))
+            self._out.append(events.LogNote(text))
 
     def advance(self) -> None:
         """Go as far as what we know allows."""
@@ -233,7 +222,7 @@ class HeadAgreement:
         elif not self._serial:
             self._serial = True
             text = f"{name} resolves plans to others than we do: serial order proposed"
-            self._out += [LogNote(text), Propose(self._roster.live, serial=True)]
+            self._out += [events.LogNote(text), events.Propose(self._roster.live, serial=True)]
 
     def _climb(self, own: Commit) -> None:
         if own.stage is Stage.COMMITTED and self._lowest() >= Stage.COMMITTED:
@@ -251,7 +240,7 @@ class HeadAgreement:
     def _report_unfenced(self, missing: tuple[int, ...]) -> None:
         self._unfenced_reported = missing
         if missing:
-            self._out.append(Unfenced(missing))
+            self._out.append(events.Unfenced(missing))
 
     def _lowest(self) -> int:
         """Return how far the slowest peer is with our plan; 0: not at all."""
@@ -275,22 +264,23 @@ class HeadAgreement:
 
     def _release(self, key: PlanKey) -> None:
         plan = self._ballot.verified[key]
-        self.phase = Phase.RELEASED
+        self.phase = events.Phase.RELEASED
         self._adopting = None
         self._state(Stage.RELEASED, key)
-        self._out.append(PlanReleased(plan.live, plan.plans, plan.makespan_s, plan.digest))
+        self._out.append(events.PlanReleased(plan.live, plan.plans, plan.makespan_s, plan.digest))
 
     # Following a release of others --------------------------------------------
 
     def _follow(self, commit: Commit) -> None:
-        if self.phase is Phase.RELEASED:
+        if self.phase is events.Phase.RELEASED:
             if self._own is not None and key_of(self._own) != key_of(commit):
                 theirs, ours = apart(commit.digest, self._own.digest)
-                self._out.append(LogNote(f"a peer released another plan: {theirs}, not {ours}"))
+                text = f"a peer released another plan: {theirs}, not {ours}"
+                self._out.append(events.LogNote(text))
         elif self.head not in commit.live:
             self.leave("the others released a plan without this head")
         else:
-            self.phase = Phase.AGREEING
+            self.phase = events.Phase.AGREEING
             self._adopting = commit
 
     def _adopt(self, commit: Commit) -> None:
@@ -324,9 +314,9 @@ class HeadAgreement:
         if plans_too:
             self._may_ask = True
             self._answered.clear()
-        if self.phase is Phase.RELEASED and not self.settled:
+        if self.phase is events.Phase.RELEASED and not self.settled:
             self._send_own()
-        if self.phase is not Phase.AGREEING:
+        if self.phase is not events.Phase.AGREEING:
             return
         self._agreeing_ticks += 1
         if self._agreeing_ticks % STALLED_TICKS == 0:
@@ -355,10 +345,10 @@ class HeadAgreement:
 
     def leave(self, reason: str) -> None:
         """Take leave, with the digest of the plan that we released."""
-        released = self._own.digest if self._own and self.phase is Phase.RELEASED else ""
+        released = self._own.digest if self._own and self.phase is events.Phase.RELEASED else ""
         self._send(Goodbye(released, reason))
-        self._out.append(Left(reason))
-        self.phase = Phase.LEFT
+        self._out.append(events.Left(reason))
+        self.phase = events.Phase.LEFT
 
     def _send(self, message: Message) -> None:
-        self._out.append(Send(message))
+        self._out.append(events.Send(message))

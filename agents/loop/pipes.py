@@ -24,27 +24,16 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
-from agents.agreeing.events import (
-    HeadFenced,
-    Leave,
-    Left,
-    LogNote,
-    Notice,
-    PlanningEnded,
-    PlanReleased,
-    ProtocolEvent,
-    Refused,
-    Unfenced,
-)
+from agents.agreeing import events
 from agents.loop.agent import AgentProgress, Meet
 from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 
-_NAMES: dict[type[Notice], str] = {
-    LogNote: "note", Refused: "refused", Unfenced: "unfenced", PlanReleased: "released",
-    Left: "left",
+_NAMES: dict[type[events.Notice], str] = {
+    events.LogNote: "note", events.Refused: "refused", events.Unfenced: "unfenced",
+    events.PlanReleased: "released", events.Left: "left",
 }  # fmt: skip
 _MAX_LINE = 65536
 _WATCH_MS = 100
@@ -66,7 +55,7 @@ class PipeFront:
         self._parse = parse_command if parse is None else parse  # of lines of another launcher
         self._rest = b""
         self._open = True
-        self._asked: list[ProtocolEvent | Meet] = []
+        self._asked: list[events.ProtocolEvent | Meet] = []
         self._is_ready = threading.Event()
         self._writing = threading.Lock()
         self.sweep: Callable[[], None] = lambda: None  # before the process ends itself
@@ -130,11 +119,11 @@ class PipeFront:
             advice='write {"command": "begin", "arguments": [...]}',
         )
 
-    def ask(self, event: ProtocolEvent) -> None:
+    def ask(self, event: events.ProtocolEvent) -> None:
         """Queue a command of this process itself (a signal)."""
         self._asked.append(event)
 
-    def commands(self) -> list[ProtocolEvent | Meet]:
+    def commands(self) -> list[events.ProtocolEvent | Meet]:
         """Return what the launcher or a signal asked since the last call."""
         # select + os.read instead of a reader thread: a thread blocked in a
         # buffered read aborts the interpreter's shutdown.
@@ -142,7 +131,7 @@ class PipeFront:
             chunk = os.read(self._read_fd, _MAX_LINE)
             if not chunk:
                 self._open = False
-                self.ask(Leave("the launcher is gone"))
+                self.ask(events.Leave("the launcher is gone"))
             self._take(chunk)
         asked, self._asked = self._asked, []
         return asked
@@ -165,7 +154,7 @@ class PipeFront:
         """Say where the agent stands."""
         self.write({"event": "progress", **asdict(progress), "traffic": traffic.counts()})
 
-    def notify(self, effect: Notice) -> None:
+    def notify(self, effect: events.Notice) -> None:
         """Say one event."""
         self.write(line_of(effect))
 
@@ -178,20 +167,20 @@ class PipeFront:
                     view = view[os.write(self._write_fd, view) :]
         except BrokenPipeError:
             self._open = False
-            self.ask(Leave("the launcher is gone"))
+            self.ask(events.Leave("the launcher is gone"))
 
 
 class TerminalFront:
     """A front end for a person who runs one agent by hand."""
 
     def __init__(self) -> None:
-        self._asked: list[ProtocolEvent | Meet] = []
+        self._asked: list[events.ProtocolEvent | Meet] = []
 
-    def ask(self, event: ProtocolEvent) -> None:
+    def ask(self, event: events.ProtocolEvent) -> None:
         """Queue a command (a signal)."""
         self._asked.append(event)
 
-    def commands(self) -> list[ProtocolEvent | Meet]:
+    def commands(self) -> list[events.ProtocolEvent | Meet]:
         """Return what signals asked since the last call."""
         asked, self._asked = self._asked, []
         return asked
@@ -203,18 +192,18 @@ class TerminalFront:
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Say nothing: the notes and the result are enough for a log."""
 
-    def notify(self, effect: Notice) -> None:
+    def notify(self, effect: events.Notice) -> None:
         """Print one line."""
         match effect:
-            case LogNote(text):
+            case events.LogNote(text):
                 line = text
-            case Refused(_, reason):
+            case events.Refused(_, reason):
                 line = f"refused: {reason}"
-            case Unfenced(heads):
+            case events.Unfenced(heads):
                 line = f"agreed, but heads {list(heads)} are neither here nor fenced: not released"
-            case PlanReleased():
+            case events.PlanReleased():
                 line = f"released plan {effect.digest}, makespan {effect.makespan_s:.1f} s"
-            case Left(reason):
+            case events.Left(reason):
                 line = f"left: {reason}"
         print(harmless(line), file=sys.stderr)
 
@@ -228,22 +217,22 @@ def any_command(line: bytes) -> dict[str, Any] | None:
     return found if isinstance(found, dict) else None
 
 
-def parse_command(line: bytes) -> ProtocolEvent | Meet | None:
+def parse_command(line: bytes) -> events.ProtocolEvent | Meet | None:
     """Return the event a command line stands for, None for anything else."""
     match any_command(line):
         case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
-            return HeadFenced(head, epoch)
+            return events.HeadFenced(head, epoch)
         case {"command": "meet", "places": [*places]}:
             with suppress(ValueError):
                 return Meet(checked_places(places))
         case {"command": "stop"}:
-            return PlanningEnded()
+            return events.PlanningEnded()
         case {"command": "exit"}:
-            return Leave("done")
+            return events.Leave("done")
     return None
 
 
-def line_of(effect: Notice) -> dict[str, Any]:
+def line_of(effect: events.Notice) -> dict[str, Any]:
     """Return an event as a JSON object: its name, and its fields."""
     line = {name: _plain(getattr(effect, name)) for name in effect.__dataclass_fields__}
     return {"event": _NAMES[type(effect)], **line}
