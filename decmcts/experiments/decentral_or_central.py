@@ -121,15 +121,13 @@ class Follower(DecMctsPlanner):
         """Do nothing."""
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
+def _runs(asked: Asked) -> Iterator[tuple[Any, ...]]:
     for name in asked.prints or MADE:
         for planner in PLANNERS:
-            yield {"print": name, "setting": "equal time", "planner": planner, "loss": 0.0,
-                   "delay_s": 0.0}  # fmt: skip
+            yield name, "equal time", planner, 0.0, 0.0
         for loss, delay_s in NETWORKS:
             for planner in (DECENTRAL, CENTRAL):
-                yield {"print": name, "setting": "network", "planner": planner, "loss": loss,
-                       "delay_s": delay_s}  # fmt: skip
+                yield name, "network", planner, loss, delay_s
 
 
 def _run(key: Key) -> Row:

@@ -45,13 +45,18 @@ class Experiment:
     name: str
     question: str
     key: tuple[str, ...]  # names of what runs differ in, besides time and seed
-    runs: Callable[[Asked], Iterator[Key]]
+    runs: Callable[[Asked], Iterator[tuple[Any, ...]]]  # the values of `key` for each
     run: Callable[[Key], Row]
     tables: Callable[[Sequence[Line]], str]  # Markdown
     draw: Callable[[Sequence[Line]], Figure]
     seconds: Sizes  # of processor time for each search
     seeds: Sizes
     compiled: tuple[str, ...]  # parts that are compiled ahead
+
+    def keys(self, asked: Asked) -> Iterator[Key]:
+        """Yield what tells each run from the others."""
+        for values in self.runs(asked):
+            yield dict(zip(self.key, values, strict=True))
 
 
 def stopping_of(key: Key, scale: int = 1) -> Stopping:

@@ -17,6 +17,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -73,22 +74,14 @@ PERSON_S = {"wait_5": 300.0, "wait_30": 1800.0}
 VICTIM = 0  # the head that fails
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
+def _runs(asked: Asked) -> Iterator[tuple[Any, ...]]:
     for name in asked.prints or MADE:
         for heads in range(2, int(HEADS[asked.full]) + 1):
             for loss, delay_s in LOSSES:
                 for killed in KILLED:
-                    for moment in (0.5,) if killed else (0.0,):
-                        yield _key(name, heads, "planning", loss, delay_s, killed, moment)
+                    yield name, heads, "planning", loss, delay_s, killed, 0.5 if killed else 0.0
             for moment in MOMENTS:
-                yield _key(name, heads, "printing", 0.0, 0.0, "stopped", moment)
-
-
-def _key(
-    name: str, heads: int, phase: str, loss: float, delay_s: float, fails: str, moment: float
-) -> Key:
-    return {"print": name, "heads": heads, "phase": phase, "loss": loss, "delay_s": delay_s,
-            "fails": fails, "moment": moment}  # fmt: skip
+                yield name, heads, "printing", 0.0, 0.0, "stopped", moment
 
 
 def _run(key: Key) -> Row:

@@ -151,7 +151,7 @@ def _keys(
     """Yield the keys of all runs that are asked for."""
     own = chosen.seconds[asked.full] if seconds is None else seconds
     count = int(chosen.seeds[asked.full]) if seeds is None else seeds
-    for key in chosen.runs(asked):
+    for key in chosen.keys(asked):
         for seed in range(count):
             yield {
                 **key, "seconds": 0.0 if iterations else own, "iterations": iterations or 0,

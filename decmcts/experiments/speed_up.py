@@ -10,6 +10,7 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -84,7 +85,7 @@ def _columns(rows: Sequence[Line]) -> list[str]:
     ]  # fmt: skip
 
 
-def _runs_of_two(asked: Asked) -> Iterator[Key]:
+def _runs_of_two(asked: Asked) -> Iterator[tuple[Any, ...]]:
     counts, sizes, gaps = FULL if asked.full else (COUNTS, SIZES_MM, GAPS_MM)
     made = [
         f"row-{count}-{size}-{gap if count > 1 else 0}"
@@ -93,7 +94,7 @@ def _runs_of_two(asked: Asked) -> Iterator[Key]:
     ]
     for name in dict.fromkeys(asked.prints or made):
         for cut in (Cut.NONE, Cut.INSIDE):
-            yield {"print": name, "cut": cut.value}
+            yield name, cut.value
 
 
 def _run_of_two(key: Key) -> Row:
@@ -145,11 +146,11 @@ TWO_HEADS = Experiment(
 )  # fmt: skip
 
 
-def _runs_of_many(asked: Asked) -> Iterator[Key]:
+def _runs_of_many(asked: Asked) -> Iterator[tuple[Any, ...]]:
     own = [(name, Cut.ALL) for name in asked.prints]
     for name, cut in own or SHARED:
         for heads in ALL_HEADS if asked.full else SOME_HEADS:
-            yield {"print": name, "cut": cut.value, "heads": heads}
+            yield name, cut.value, heads
 
 
 def _run_of_many(key: Key) -> Row:

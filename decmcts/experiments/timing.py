@@ -19,6 +19,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -55,12 +56,12 @@ DRAWS = Sizes(5, 100)
 PLANNED = ("print", "folder", "seconds", "iterations", "seed")  # what a plan depends on
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
+def _runs(asked: Asked) -> Iterator[tuple[Any, ...]]:
     for name in asked.prints or MADE:
         for timing in KINDS:
             for error in ERRORS:
                 draws = 1 if error == 0.0 else int(DRAWS[asked.full])
-                yield {"print": name, "timing": timing.value, "error_share": error, "draws": draws}
+                yield name, timing.value, error, draws
 
 
 @lru_cache(maxsize=1)
