@@ -12,6 +12,7 @@ what lacks the team's seal is counted and goes no further.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -108,7 +109,7 @@ class ZenohTransport:
         self._on_drop, self._on_shut = on_drop, on_shut
         self._ring = ring_size(len(places))
         self._session: zenoh.Session | None = None
-        self._shut_until: float | None = None  # not open; when to try again
+        self._shut_until = math.inf  # when to try again where it is not open
         self._is_shut_reported = False
         self._queue: deque[tuple[str, bytes]] = deque()
         self._queued_bytes = 0
@@ -145,7 +146,7 @@ class ZenohTransport:
                 token = self._keys.alive(self._head, self._epoch)
                 self._token = session.liveliness().declare_token(token)
                 self._stack, self._session = stack.pop_all(), session
-                self._shut_until, self._is_shut_reported = None, False
+                self._shut_until, self._is_shut_reported = math.inf, False
         except InputError as error:
             if self._on_shut is None:
                 raise
@@ -209,8 +210,7 @@ class ZenohTransport:
         """Return what arrived, waiting at most `timeout_s` for the first."""
         deadline = time.monotonic() + timeout_s
         while True:
-            is_due = self._shut_until is not None and time.monotonic() >= self._shut_until
-            again = self._was_stopped or is_due
+            again = self._was_stopped or time.monotonic() >= self._shut_until
             arrivals: list[Arrival] = self._begin_again() if again else []
             if self._session is not None:
                 arrivals += [*self._presences(), *self._packets()]
