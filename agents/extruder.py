@@ -34,11 +34,8 @@ from decmcts.leaving import leave
 if TYPE_CHECKING:
     from agents.planners.team_planner import DecMctsPlanner
 
-LINGER_S = 10.0
-"""An agent without a launcher answers stragglers so long after its release."""
-
-WAIT_S = 60.0
-"""An agent without a launcher begins to plan after so long although heads are missing."""
+LINGER_S = 10.0  # an agent without a launcher answers stragglers so long after its release
+WAIT_S = 60.0  # an agent without a launcher begins to plan after so long although heads are missing
 
 
 MakePlanner = Callable[[argparse.Namespace], "DecMctsPlanner"]

@@ -60,11 +60,8 @@ from agents.messages.kinds import (
     apart,
 )
 
-_TERMS = 2**20
-"""Terms of one incarnation; epochs are spaced so that terms never repeat."""
-
-STALLED_TICKS = 50
-"""Ticks of agreeing after which the heads that are missing are named: 5 s."""
+_TERMS = 2**20  # terms of one incarnation; epochs are spaced so that terms never repeat
+STALLED_TICKS = 50  # ticks of agreeing after which the heads that are missing are named: 5 s
 
 LONG_PLAN = 2048
 """Numbers in plans that one tick's pause stands for before they are said again. So an

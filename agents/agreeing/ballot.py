@@ -16,8 +16,7 @@ REMEMBERED = 256
 """Plans of which is known that they resolve to something else: their digests only, for a
 peer may make them up."""
 
-VERIFIED = 64
-"""Plans kept whole that were resolved here, besides those that somebody stands by."""
+VERIFIED = 64  # plans kept whole that were resolved here, besides those that somebody stands by
 
 
 def key_of(stated: Proposal | Commit) -> PlanKey:

@@ -31,12 +31,8 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 PORTS = range(10_000, 32_768)  # outgoing connections get 32768 and more on Linux, 49152 elsewhere
-LONGEST = 96
-"""Bytes of a socket's path: systems allow 104 or 108."""
-
-YOUNG_S = 60.0
-"""A folder without a lock may be so old: its launcher is about to take the lock."""
-
+LONGEST = 96  # bytes of a socket's path: systems allow 104 or 108
+YOUNG_S = 60.0  # a folder without a lock may be so old: its launcher is about to take the lock
 _PREFIX = "decmcts-bus-"
 _LOCK = "launcher"
 

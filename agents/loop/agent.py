@@ -25,15 +25,9 @@ from decmcts.errors import InputError
 if TYPE_CHECKING:  # numba loads with it
     from agents.planners.team_planner import DecMctsPlanner
 
-TICK_S = 0.1
-"""How often what may have been lost is said again."""
-
-SHARE_S = 0.05
-"""At most so often a distribution goes out: 20 a second."""
-
-LONGER = 4.0
-"""Times our longest round yet: so long we may be silent before we count as stuck."""
-
+TICK_S = 0.1  # how often what may have been lost is said again
+SHARE_S = 0.05  # at most so often a distribution goes out: 20 a second
+LONGER = 4.0  # times our longest round yet: so long we may be silent before we count as stuck
 PROGRESS_S = 0.5
 WAIT_S = 0.02
 

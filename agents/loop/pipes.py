@@ -38,8 +38,7 @@ _NAMES: dict[type[events.Notice], str] = {
 _MAX_LINE = 65536
 _WATCH_MS = 100
 PULSE_S = 0.5
-LEAVE_S = 3.0
-"""So long an agent has to take leave after its launcher is gone, whatever it computes."""
+LEAVE_S = 3.0  # so long an agent has to take leave after its launcher is gone, whatever it computes
 
 
 class PipeFront:

@@ -39,8 +39,7 @@ from agents.messages.kinds import (
 )
 from agents.messages.rows import PLAIN, array, fields_of, integer, text
 
-MAX_MESSAGE_BYTES = 256 * 1024
-"""Nothing larger is sent or unpacked; zenoh drops it even earlier."""
+MAX_MESSAGE_BYTES = 256 * 1024  # nothing larger is sent or unpacked; zenoh drops it even earlier
 
 MAX_JOINT_BYTES = 128 * 1024
 """Of a joint plan told while planning: it is said often and binds nobody.

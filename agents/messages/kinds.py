@@ -16,12 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION = 4
-"""Of the messages and their meaning; another version is refused by name."""
-
-SILENCE_TICKS = 150
-"""Own ticks after which a peer that promised nothing else counts as stuck: 15 s."""
-
+VERSION = 4  # of the messages and their meaning; another version is refused by name
+SILENCE_TICKS = 150  # own ticks after which a peer that promised nothing else counts as stuck: 15 s
 MAX_HEADS = 64
 MAX_SEQUENCES = 256
 MAX_SYMBOLS = 4_000_000

@@ -20,9 +20,7 @@ from agents.messages.seal import SEAL_BYTES, Seal
 from agents.networks.meeting import TCP
 from decmcts.errors import InputError
 
-LEASE_MS = 1000
-"""A peer silent for so long is gone; zenoh's default is 10 s."""
-
+LEASE_MS = 1000  # a peer silent for so long is gone; zenoh's default is 10 s
 USER = "decmcts"
 
 

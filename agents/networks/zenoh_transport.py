@@ -39,15 +39,9 @@ RINGS = range(16, 65)
 and `close` included; a ring drops the oldest, and the protocol says again what
 matters. A ring for each kind, so that many distributions push out no commit."""
 
-TOKENS = 1024
-"""Liveliness tokens kept; they carry nothing, and a lost one would be missed."""
-
-QUEUE_BYTES = 4 * 1024 * 1024
-"""Waiting to be sent; a hung peer holds it up for a lease."""
-
-RETRY_S = 0.5
-"""So often a place is tried again that could not be opened."""
-
+TOKENS = 1024  # liveliness tokens kept; they carry nothing, and a lost one would be missed
+QUEUE_BYTES = 4 * 1024 * 1024  # waiting to be sent; a hung peer holds it up for a lease
+RETRY_S = 0.5  # so often a place is tried again that could not be opened
 POLL_S = 0.001
 WATCH_S = 0.02  # short, so that threads hardly compute in it before a stop
 STOPPED_S = 0.5 * LEASE_MS / 1000
@@ -55,11 +49,8 @@ STOPPED_S = 0.5 * LEASE_MS / 1000
 zenoh says that it lives every quarter of a lease, perhaps just before the stop."""
 
 CLOSE_S = 1.5
-FLUSH_S = 1.0
-"""What waits is still sent so long after closing began."""
-
-JOIN_S = 8.0
-"""A put to a hung peer returns after a lease; zenoh's default would be 5 s."""
+FLUSH_S = 1.0  # what waits is still sent so long after closing began
+JOIN_S = 8.0  # a put to a hung peer returns after a lease; zenoh's default would be 5 s
 
 
 def ring_size(heads: int) -> int:
