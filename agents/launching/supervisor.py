@@ -20,13 +20,7 @@ from typing import Any
 
 from agents.launching import liveness
 from agents.launching.processes import AgentLine, AgentProcess
-from agents.launching.status import (
-    REPORTED,
-    AgentStatus,
-    LaunchError,
-    OnProgress,
-    StartAgain,
-)
+from agents.launching.status import REPORTED, AgentStatus, LaunchError, OnProgress, StartAgain
 from decmcts.search.sequence.stopping import Stopping
 
 _POLL_S = 0.1

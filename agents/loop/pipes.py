@@ -45,10 +45,7 @@ class PipeFront:
     """A front end over file descriptors."""
 
     def __init__(
-        self,
-        read_fd: int = 0,
-        write_fd: int = 1,
-        parse: Callable[[bytes], Any] | None = None,
+        self, read_fd: int = 0, write_fd: int = 1, parse: Callable[[bytes], Any] | None = None
     ) -> None:
         self._read_fd, self._write_fd = read_fd, write_fd
         self._parse = parse_command if parse is None else parse  # of lines of another launcher

@@ -6,6 +6,7 @@ Every reader returns a value of its type or raises `MessageError`; nothing is co
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, TypeVar, get_type_hints
 
 from agents.messages.kinds import MessageError, Stage
@@ -54,14 +55,10 @@ PLAIN: Mapping[Any, Callable[[object], Any]] = {
 """What reads a field, by its type."""
 
 
-_FIELDS: dict[type, Mapping[str, Any]] = {}  # found once: it takes as long as a message
-
-
+@cache  # it takes as long as a message
 def fields_of(kind: type) -> Mapping[str, Any]:
     """Return the types of a dataclass's fields, by name, in their order."""
-    if kind not in _FIELDS:
-        _FIELDS[kind] = get_type_hints(kind)
-    return _FIELDS[kind]
+    return get_type_hints(kind)
 
 
 def read_row(kind: type[T], row: object) -> T:

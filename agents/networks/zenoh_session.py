@@ -34,11 +34,7 @@ def settings(listen: str, connect: Sequence[str]) -> dict[str, object]:
         # of 0 zenoh tries once and never again.
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
-        "connect/retry": {
-            "period_init_ms": 50,
-            "period_max_ms": 500,
-            "period_increase_factor": 2,
-        },
+        "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2},
         # A stopped process still accepts TCP: give its handshake up after a lease
         # too (default 10 s), or closing waits for it.
         "transport/unicast/open_timeout": LEASE_MS,

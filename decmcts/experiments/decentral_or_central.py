@@ -34,13 +34,7 @@ from decmcts.experiments.kinds import (
     median,
     spread,
 )
-from decmcts.experiments.teams import (
-    PlanFunction,
-    figures,
-    given,
-    in_one_process,
-    planned,
-)
+from decmcts.experiments.teams import PlanFunction, figures, given, in_one_process, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.toolpath import Toolpath

@@ -244,12 +244,7 @@ def run_single(
 
 
 def show(
-    made: Written,
-    paths: list[Path],
-    *,
-    as_json: bool,
-    verbose: bool = False,
-    to: SafeConsole = out,
+    made: Written, paths: list[Path], *, as_json: bool, verbose: bool = False, to: SafeConsole = out
 ) -> None:
     """Print the summary, for a person (`to` a console) or for a program."""
     result, times = made.result, made.times

@@ -36,11 +36,7 @@ from decmcts.planning.running.options import Failure, RunOptions, RunView, Show,
 from decmcts.planning.running.recorded import unkept
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
-from decmcts.planning.writing.places import (
-    refuse_other_suffixes,
-    refuse_stdout,
-    refuse_unwritable,
-)
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.print.figures import clock_time
 from decmcts.print.plan import PlanDocument
 from sim.controllers.motion import QUEUE
@@ -64,8 +60,7 @@ def run(
     timing: TimingOption = Timing.NONE,
     error: ErrorOption = 0.2,
     seed: Annotated[
-        int,
-        opt.search("--seed N", "Equal seeds give equal errors, losses and searches", min=0),
+        int, opt.search("--seed N", "Equal seeds give equal errors, losses and searches", min=0)
     ] = 0,
     queue: QueueOption = QUEUE,
     loss: Annotated[float, opt.search("--loss SHARE", "Of the agents' messages, lost: 0.2")] = 0.0,

@@ -74,8 +74,7 @@ def simulate(
     ] = None,
     csv: Annotated[Path | None, opt.output("--csv FILE", "Keep where heads are over time")] = None,
     csv_every_s: Annotated[
-        float,
-        opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1e6),
+        float, opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1e6)
     ] = 1.0,
     picture: Annotated[
         Path | None,
