@@ -41,17 +41,33 @@ PULSE_S = 0.5
 LEAVE_S = 3.0  # so long an agent has to take leave after its launcher is gone, whatever it computes
 
 
-class PipeFront:
+class Front:
+    """What is asked of an agent, until it takes it."""
+
+    def __init__(self) -> None:
+        self.asked: list[events.ProtocolEvent | Meet] = []
+
+    def ask(self, event: events.ProtocolEvent) -> None:
+        """Queue a command of this process itself (a signal)."""
+        self.asked.append(event)
+
+    def commands(self) -> list[events.ProtocolEvent | Meet]:
+        """Return what was asked since the last call."""
+        asked, self.asked = self.asked, []
+        return asked
+
+
+class PipeFront(Front):
     """A front end over file descriptors."""
 
     def __init__(
         self, read_fd: int = 0, write_fd: int = 1, parse: Callable[[bytes], Any] | None = None
     ) -> None:
+        super().__init__()
         self._read_fd, self._write_fd = read_fd, write_fd
         self._parse = parse_command if parse is None else parse  # of lines of another launcher
         self._rest = b""
         self._open = True
-        self._asked: list[events.ProtocolEvent | Meet] = []
         self._is_ready = threading.Event()
         self._writing = threading.Lock()
         self.sweep: Callable[[], None] = lambda: None  # before the process ends itself
@@ -115,10 +131,6 @@ class PipeFront:
             advice='write {"command": "begin", "arguments": [...]}',
         )
 
-    def ask(self, event: events.ProtocolEvent) -> None:
-        """Queue a command of this process itself (a signal)."""
-        self._asked.append(event)
-
     def commands(self) -> list[events.ProtocolEvent | Meet]:
         """Return what the launcher or a signal asked since the last call."""
         # select + os.read instead of a reader thread: a thread blocked in a
@@ -129,8 +141,7 @@ class PipeFront:
                 self._open = False
                 self.ask(events.Leave("the launcher is gone"))
             self._take(chunk)
-        asked, self._asked = self._asked, []
-        return asked
+        return super().commands()
 
     def shut(self, reason: str) -> None:
         """Say that we cannot meet the others where we were told to."""
@@ -139,7 +150,7 @@ class PipeFront:
     def _take(self, chunk: bytes) -> None:
         """Take the commands of all lines that are complete."""
         *lines, self._rest = (self._rest + chunk).split(b"\n")
-        self._asked += [event for line in lines if (event := self._parse(line))]
+        self.asked += [event for line in lines if (event := self._parse(line))]
 
     def ready(self, problem: str) -> None:
         """Say that the problem is loaded and the network open."""
@@ -166,20 +177,8 @@ class PipeFront:
             self.ask(events.Leave("the launcher is gone"))
 
 
-class TerminalFront:
+class TerminalFront(Front):
     """A front end for a person who runs one agent by hand."""
-
-    def __init__(self) -> None:
-        self._asked: list[events.ProtocolEvent | Meet] = []
-
-    def ask(self, event: events.ProtocolEvent) -> None:
-        """Queue a command (a signal)."""
-        self._asked.append(event)
-
-    def commands(self) -> list[events.ProtocolEvent | Meet]:
-        """Return what signals asked since the last call."""
-        asked, self._asked = self._asked, []
-        return asked
 
     def ready(self, problem: str) -> None:
         """Say that the agent is up."""

@@ -37,7 +37,7 @@ from agents.messages.kinds import (
     Proposal,
     Sequence32,
 )
-from agents.messages.rows import PLAIN, array, fields_of, integer, text
+from agents.messages.rows import PLAIN, array, fields_of, integer, text, unpacker
 
 MAX_MESSAGE_BYTES = 256 * 1024  # nothing larger is sent or unpacked; zenoh drops it even earlier
 
@@ -118,25 +118,14 @@ def _require_size(kind: str, size: int) -> None:
 
 
 def _unpack(data: bytes) -> list[Any]:
-    # msgpack's limits bound what hostile headers can make it allocate: without
-    # them five bytes announce an array of 2^32 items.
-    unpacker = msgpack.Unpacker(
-        raw=False,
-        use_list=True,
-        strict_map_key=True,
-        max_buffer_size=MAX_MESSAGE_BYTES,
-        max_str_len=1024,
-        max_bin_len=MAX_MESSAGE_BYTES,
-        max_array_len=4 * MAX_SEQUENCES,
-        max_map_len=0,
-        max_ext_len=0,
-    )
-    unpacker.feed(data)
+    most = MAX_MESSAGE_BYTES
+    reader = unpacker(most, items=4 * MAX_SEQUENCES, text=1024, binary=most)
+    reader.feed(data)
     try:
-        items = unpacker.unpack()
+        items = reader.unpack()
     except msgpack.UnpackException as error:
         raise MessageError(f"no msgpack: {type(error).__name__}") from error
-    if not isinstance(items, list) or unpacker.tell() != len(data):
+    if not isinstance(items, list) or reader.tell() != len(data):
         raise MessageError("not one msgpack array")
     return items
 

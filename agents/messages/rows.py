@@ -9,10 +9,23 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, TypeVar, get_type_hints
 
+import msgpack
+
 from agents.messages.kinds import MessageError, Stage
 
 T = TypeVar("T")
 Position = tuple[float, float, float]
+
+
+def unpacker(size: int, *, items: int, text: int, binary: int = 0, pairs: int = 0) -> Any:
+    """Return msgpack's reader for so many bytes, with limits for each array, text and map.
+
+    Without them five bytes announce an array of 2^32 items, which is made at once.
+    """
+    return msgpack.Unpacker(
+        max_buffer_size=size, max_array_len=items, max_str_len=text, max_bin_len=binary,
+        max_map_len=pairs, max_ext_len=0, strict_map_key=True,
+    )  # fmt: skip
 
 
 def array(value: object, length: int | None = None) -> list[Any]:

@@ -101,12 +101,10 @@ class MemoryTransport:
         self.inbox: list[Arrival] = []
 
     def __enter__(self) -> Self:
-        """Join the network."""
         self.network.join(self)
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Leave the network."""
         if self.network.transports.get(self.head) is self:
             self.network.kill(self.head)
 
@@ -132,12 +130,10 @@ class LossyTransport:
         self._numbers = count()
 
     def __enter__(self) -> Self:
-        """Open the network."""
         self._inner.__enter__()
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Leave it."""
         self._inner.__exit__(*error)
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.agreeing.events import HeadFenced, Notice, PlanReleased, ProtocolEvent
-from agents.loop.agent import Agent, AgentProgress, Meet
+from agents.agreeing.events import HeadFenced, Notice, PlanReleased
+from agents.loop.agent import Agent, AgentProgress
+from agents.loop.pipes import Front
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
 from agents.planners.serial import joint_order
@@ -79,17 +80,12 @@ def agreed(
 STEP_S = 0.02
 
 
-class Recorder:
-    """A front end that keeps what it is told; `asked` is what it asks next."""
+class Recorder(Front):
+    """A front end that keeps what it is told."""
 
     def __init__(self) -> None:
-        self.asked: list[ProtocolEvent | Meet] = []
+        super().__init__()
         self.notices: list[Notice] = []
-
-    def commands(self) -> list[ProtocolEvent | Meet]:
-        """Return what is asked, once."""
-        asked, self.asked = self.asked, []
-        return asked
 
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Keep the last progress."""
