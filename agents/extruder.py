@@ -46,10 +46,7 @@ def run(
 ) -> PlanReleased | None:
     """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released.
 
-    Raises
-    ------
-    InputError
-        If it is alone, without a launcher, and cannot print everything: nobody comes to help.
+    InputError if it is alone, without a launcher, and cannot print everything: nobody helps.
     """
     if given.meeting is None and not given.controlled:
         planner.serial((given.head,))

@@ -72,13 +72,8 @@ class Supervisor:
         """Return the `released` line all unfenced agents agree on.
 
         Ctrl-C ends planning, and so does `stopping` once it is asked to: the agents then
-        agree on the best so far. Ctrl-C after that goes on to the caller.
-
-        Raises
-        ------
-        LaunchError
-            If no agent is left, an agent holds another problem, or all was stopped
-            before they knew one another.
+        agree on the best so far. Ctrl-C after that goes on to the caller. LaunchError if no agent
+        is left, one holds another problem, or all was stopped before they knew one another.
         """
         while True:
             try:
@@ -96,10 +91,7 @@ class Supervisor:
     def stop(self) -> None:
         """Ask every agent, once, to end planning and agree on the best so far.
 
-        Raises
-        ------
-        LaunchError
-            If an agent does not know all others yet: it would take them for lost.
+        LaunchError if an agent does not know all others yet: it would take them for lost.
         """
         if not self._is_stopped:
             self._is_stopped = True

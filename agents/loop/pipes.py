@@ -106,10 +106,7 @@ class PipeFront(Front):
     def arguments(self) -> list[str] | None:
         """Wait for the launcher to hand over this agent's command line; None: it ends us.
 
-        Raises
-        ------
-        InputError
-            If the first line is anything else, or names no place to meet.
+        InputError if the first line is anything else, or names no place to meet.
         """
         while b"\n" not in self._rest and len(self._rest) < _MAX_LINE:
             chunk = os.read(self._read_fd, _MAX_LINE)

@@ -72,13 +72,7 @@ def kind_of(message: Message) -> str:
 
 
 def encode(envelope: Envelope) -> bytes:
-    """Return the bytes of a message.
-
-    Raises
-    ------
-    MessageError
-        If they would exceed `MAX_MESSAGE_BYTES`, or a joint plan `MAX_JOINT_BYTES`.
-    """
+    """Return the bytes of a message; MessageError if they are more than its kind may have."""
     kind = kind_of(envelope.message)
     head = [kind, envelope.head, envelope.epoch, envelope.seq]
     packed: bytes = msgpack.packb(head + _row(envelope.message), use_bin_type=True)
@@ -87,15 +81,10 @@ def encode(envelope: Envelope) -> bytes:
 
 
 def decode(data: bytes, most_symbols: int = MAX_SYMBOLS) -> Envelope:
-    """Return the message in `data`.
+    """Return the message in `data`; MessageError if that is too large or not of the schema.
 
     Sequences are unpacked only if they have no more symbols than `most_symbols` in all: what
     a message of this problem may hold. A few bytes can stand for millions.
-
-    Raises
-    ------
-    MessageError
-        If `data` is too large, no msgpack, or not of the schema.
     """
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError(f"{len(data)} bytes, limit {MAX_MESSAGE_BYTES}")

@@ -59,14 +59,9 @@ def stream_of(log: EventLog) -> bytes:
 
 
 def read_events(path: Path) -> EventLog:
-    """Read a stream.
+    """Read a stream; InputError when it cannot be read, or holds anything but events.
 
     One that breaks off within an event ends before it: whoever wrote it was stopped.
-
-    Raises
-    ------
-    InputError
-        When it cannot be read, or holds anything but events.
     """
     reader = _reader(read_bytes(path))
     try:

@@ -33,13 +33,7 @@ class Seal:
 
     @classmethod
     def of(cls, secret: bytes) -> Seal:
-        """Return the seal of a secret.
-
-        Raises
-        ------
-        MessageError
-            If it is too short.
-        """
+        """Return the seal of a secret; MessageError if it is too short."""
         if len(secret) < LEAST_SECRET:
             raise MessageError(f"a secret of {len(secret)} bytes, least {LEAST_SECRET}")
         root = blake2b(secret, person=b"decmcts-secret-1").digest()

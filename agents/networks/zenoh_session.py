@@ -70,10 +70,7 @@ def configured(listen: str, connect: Sequence[str], seal: Seal) -> Iterator[zeno
 def open_session(places: Sequence[str], head: int, seal: Seal) -> zenoh.Session:
     """Open the session of one head of a full mesh, with a place for each.
 
-    Raises
-    ------
-    InputError
-        If nobody can listen there: in the words of this program, not of zenoh.
+    InputError if nobody can listen there: in the words of this program, not of zenoh.
     """
     connect = [place for other, place in enumerate(places) if other != head]
     try:

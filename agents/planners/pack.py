@@ -81,13 +81,7 @@ def write_pack(pack: Pack, folder: Path) -> None:
 
 
 def read_pack(folder: Path) -> Pack:
-    """Read what `write_pack` wrote.
-
-    Raises
-    ------
-    InputError
-        If the folder holds no pack or a broken one.
-    """
+    """Read what `write_pack` wrote; InputError if the folder holds no pack or a broken one."""
     try:
         with (folder / _ARRAYS).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -120,15 +114,10 @@ def _room(arrays: dict[str, Any], room: str) -> dict[str, Any]:
 def load_source(
     path: Path, machine: str, process_order: Literal["keep", "free"], *, quality: bool = True
 ) -> Pack:
-    """Read G-code and build its dependency graph.
+    """Read G-code and build its graph; InputError if it or the machine cannot be used.
 
     With `quality` shells and what is anchored in them keep their order, but for
     the paper's machine, which knows of no beads.
-
-    Raises
-    ------
-    InputError
-        If the input or the machine cannot be used.
     """
     if not path.exists():
         raise InputError("no such file", path=path)

@@ -52,12 +52,8 @@ def agreed(
 ) -> Agreed:  # fmt: skip
     """Let agents plan and agree; a round takes 0.02 simulated seconds.
 
-    `disturb` is called before every step.
-
-    Raises
-    ------
-    VerificationError
-        Where they come to no plan, to two, or to one that the judge refuses.
+    `disturb` is called before every step. VerificationError where they come to no plan, to two,
+    or to one that the judge refuses.
     """
     limit_s, heads = rounds_of(key) * STEP_S, len(what.problem.machine.heads)
     team = MemoryTeam(heads, weather, planner_of, seed=int(key["seed"]), limit_s=limit_s)

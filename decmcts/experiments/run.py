@@ -265,10 +265,7 @@ CONNECT_S = 10.0
 def cluster_at(address: str) -> Iterator[Executor]:
     """Yield what computes by the workers of a cluster, each of which has this version installed.
 
-    Raises
-    ------
-    InputError
-        Where Dask is not installed, or no scheduler answers at the address.
+    InputError where Dask is not installed, or no scheduler answers at the address.
     """
     try:
         from distributed import Client

@@ -171,12 +171,8 @@ def write_extras(
 ) -> list[Path]:
     """Write report, picture (of one layer) and plan.json where asked; returns what was written.
 
-    A report or a picture that cannot be written costs nothing else: it is told of.
-
-    Raises
-    ------
-    InputError
-        When plan.json cannot be written.
+    A report or a picture that cannot be written costs nothing else: it is told of. InputError
+    when plan.json cannot be written.
     """
     draw = partial(result.write_picture, layer=layer)
     works = ((report, result.write_report), (picture, draw), (plan, result.write_plan))
