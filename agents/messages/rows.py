@@ -68,10 +68,8 @@ PLAIN: Mapping[Any, Callable[[object], Any]] = {
 """What reads a field, by its type."""
 
 
-@cache  # it takes as long as a message
-def fields_of(kind: type) -> Mapping[str, Any]:
-    """Return the types of a dataclass's fields, by name, in their order."""
-    return get_type_hints(kind)
+fields_of: Callable[[Any], Mapping[str, Any]] = cache(get_type_hints)
+"""Types of a dataclass's fields by name, in their order; found once: it takes long."""
 
 
 def read_row(kind: type[T], row: object) -> T:

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.planners.team_planner import DecMctsPlanner
-from decmcts.experiments.in_memory import agreed, weather_of
+from decmcts.experiments.in_memory import agreed
 from decmcts.experiments.kinds import (
     Asked,
     Experiment,
@@ -129,8 +129,7 @@ def _run(key: Key) -> Row:
     compile_rounds()
     if key["setting"] == "equal time":
         return figures(what, planned(what, key, PLANNERS[key["planner"]]))
-    weather = weather_of(float(key["loss"]), float(key["delay_s"]))
-    result = agreed(what, weather, _planners(what.team, key), key)
+    result = agreed(what, _planners(what.team, key), key)
     return figures(what, result.document) | {
         "agreeing_s": round(result.agreeing_s, 2), "messages": result.messages,
     }  # fmt: skip

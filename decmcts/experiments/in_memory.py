@@ -41,13 +41,14 @@ def rounds_of(key: Key) -> int:
     return int(key["iterations"]) or max(1, round(float(key["seconds"]) / ROUND_S))
 
 
-def weather_of(loss: float, delay_s: float) -> Weather:
+def weather_of(key: Key) -> Weather:
     """Return a network that loses, delays by up to so long and then repeats some messages."""
+    loss, delay_s = float(key["loss"]), float(key["delay_s"])
     return Weather(loss, (0.0, delay_s), DUPLICATE if loss or delay_s else 0.0)
 
 
 def agreed(
-    what: Given, weather: Weather, planner_of: Callable[[int], DecMctsPlanner], key: Key,
+    what: Given, planner_of: Callable[[int], DecMctsPlanner], key: Key,
     disturb: Callable[[MemoryTeam], None] = lambda _team: None,
 ) -> Agreed:  # fmt: skip
     """Let agents plan and agree; a round takes 0.02 simulated seconds.
@@ -56,7 +57,7 @@ def agreed(
     or to one that the judge refuses.
     """
     limit_s, heads = rounds_of(key) * STEP_S, len(what.problem.machine.heads)
-    team = MemoryTeam(heads, weather, planner_of, seed=int(key["seed"]), limit_s=limit_s)
+    team = MemoryTeam(heads, weather_of(key), planner_of, seed=int(key["seed"]), limit_s=limit_s)
     while len(releases := team.releases()) < len(team.agents) and team.network.now < PATIENCE_S:
         disturb(team)
         team.run(STEP_S)

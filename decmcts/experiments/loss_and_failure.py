@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 
 from agents.agreeing.events import HeadFenced
 from agents.planners.team_planner import DecMctsPlanner
-from decmcts.experiments.in_memory import STEP_S, MemoryTeam, agreed, rounds_of, weather_of
+from decmcts.experiments.in_memory import STEP_S, MemoryTeam, agreed, rounds_of
 from decmcts.experiments.kinds import (
     Asked,
     Experiment,
@@ -108,8 +108,7 @@ def _planning(what: Given, key: Key) -> Row:
         else:
             team.fence(VICTIM)
 
-    weather = weather_of(float(key["loss"]), float(key["delay_s"]))
-    result = agreed(what, weather, planner_of, key, disturb)
+    result = agreed(what, planner_of, key, disturb)
     return {
         "contours": len(what.problem.job.contours),
         "makespan_s": round(result.document.plan.makespan_s, 2),

@@ -10,7 +10,6 @@ import typer
 
 from agents import extruder
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.commands.plan import ONLY_SHOWN, titled, write_extras
 from decmcts.cli.commands.replay import heads_table, recording
 from decmcts.cli.console import err, out, print_json, running, steps, written
@@ -42,7 +41,7 @@ from decmcts.team.engine.space import eligibility
 from sim.pictures.layer_travels import require_layer
 
 
-@app.command()
+@opt.app.command()
 def launch(
     context: typer.Context,
     source: opt.Input,
@@ -233,7 +232,7 @@ def show_joint(
     out.show(searched, *heads, *more, *(f"wrote {path}" for path in paths))
 
 
-@app.command(
+@opt.app.command(
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
     add_help_option=False,
 )
@@ -242,7 +241,7 @@ def agent(context: typer.Context) -> None:
     raise typer.Exit(extruder.main(context.args))
 
 
-@app.command()
+@opt.app.command()
 def demo(
     folder: Annotated[Path, opt.basics("--out FOLDER", "Folder for the results")] = Path("out"),
     time_limit: opt.TimeOption = 10.0,

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import out, print_json
 from decmcts.errors import InputError
 from decmcts.formats.files.names import as_file_name
@@ -14,7 +13,7 @@ from decmcts.formats.machines.machine_file import load_machine, preset_names
 from decmcts.print.machine import Machine
 
 
-@app.command()
+@opt.app.command()
 def machines(
     draw: Annotated[
         Path | None,

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import SafeConsole, err, out, print_json, running, steps, written
 from decmcts.cli.lines import (
     bound_line,
@@ -50,7 +49,7 @@ ONLY_SHOWN = (
 )
 
 
-@app.command()
+@opt.app.command()
 def plan(
     context: typer.Context,
     source: opt.Input,

@@ -26,7 +26,6 @@ import typer
 from typer.core import TyperCommand
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.commands.plan import run_single, write_extras
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.lines import figures, plain_lines, searched_line, whole_file_line
@@ -76,7 +75,7 @@ class OptionalFiles(TyperCommand):
 BESIDE_WORDS = "; without FILE next to the exported G-code"
 
 
-@app.command(cls=OptionalFiles)
+@opt.app.command(cls=OptionalFiles)
 def post(
     context: typer.Context,
     path: Annotated[

@@ -18,7 +18,6 @@ from rich.live import Live
 from rich.table import Table
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.commands.replan import LeftOption, PrintWithOption
 from decmcts.cli.commands.simulate import ErrorOption, QueueOption, TimingOption
 from decmcts.cli.console import err, out, print_json, steps
@@ -43,7 +42,7 @@ from sim.controllers.motion import QUEUE
 from sim.controllers.timing import Timing
 
 
-@app.command()
+@opt.app.command()
 def run(
     plan: Annotated[Path, typer.Argument(help="PLAN.json of `launch`")],
     source: Annotated[

@@ -15,7 +15,6 @@ from rich.table import Table
 
 from agents.messages.event_stream import stream_of
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import is_plan
@@ -51,7 +50,7 @@ MOST_ROWS = 2_000_000
 SHOWN = 5  # contacts with the print that are shown in words
 
 
-@app.command()
+@opt.app.command()
 def simulate(
     inputs: Annotated[
         list[Path],

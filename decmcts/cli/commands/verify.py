@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.planning.verify import verify as judge
 from decmcts.planning.verifying.held import Held
@@ -16,7 +15,7 @@ from sim.faults import Verdict
 from sim.verdict_lines import checked_lines, nearest_facts
 
 
-@app.command()
+@opt.app.command()
 def verify(
     result: Annotated[
         list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
