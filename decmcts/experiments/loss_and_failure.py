@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.agreeing.events import HeadFenced
 from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.in_memory import STEP_S, MemoryTeam, agreed, rounds_of
 from decmcts.experiments.kinds import (
@@ -94,19 +93,13 @@ def _planning(what: Given, key: Key) -> Row:
     compile_rounds()
     planner_of = partial(DecMctsPlanner, what.team, seed=int(key["seed"]))
     at_s = float(key["moment"]) * rounds_of(key) * STEP_S
-    done = list[str]()
 
     def disturb(team: MemoryTeam) -> None:
-        if not key["fails"] or done or team.network.now < at_s:
-            return
-        done.append(key["fails"])
-        if key["fails"] == "restarted":
-            team.kill(VICTIM)
-            team.add(VICTIM, epoch=2)
-            for head in range(1, int(key["heads"])):
-                team.fronts[head].asked.append(HeadFenced(VICTIM, 1))
-        else:
+        is_first = VICTIM in team.agents and team.epochs[VICTIM] == 1
+        if key["fails"] and is_first and team.network.now >= at_s:
             team.fence(VICTIM)
+            if key["fails"] == "restarted":
+                team.add(VICTIM, epoch=2)
 
     result = agreed(what, planner_of, key, disturb)
     return {
