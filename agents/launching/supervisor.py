@@ -186,19 +186,15 @@ class Supervisor:
     def _update(self, head: int, **changes: Any) -> None:
         self.status[head] = replace(self.status[head], **changes)
 
-    def fence(self, head: int, why: str, *, ended: bool = False) -> None:
-        """Make sure a head does nothing any more, then tell the others.
-
-        The reason that is kept is how the process `ended` of its own, else ours.
-        """
+    def fence(self, head: int, why: str) -> None:
+        """Make sure a head does nothing any more, then tell the others."""
         if head in self.fenced or head not in self._agents:
             return
-        ending = self._agents[head].ending() if ended else ""
         self._agents[head].kill()
         self.fenced.add(head)
         self._fenced_at = self._clock()
         self._released.pop(head, None)
-        self._update(head, phase="lost", note=ending or why)
+        self._update(head, phase="lost", note=why)
         self._send_to_all(self._fence_command(head))
 
     def _fence_command(self, head: int) -> dict[str, Any]:
@@ -211,11 +207,10 @@ class Supervisor:
         if head in self.fenced:
             return
         agent, now = self._agents[head], self._clock()
-        died = agent.died() and not self._is_over(now) and head not in self._again
-        if not died:
-            self.fence(head, "its process ended", ended=True)
-            return
         ending = agent.ending()
+        if self._is_over(now) or head in self._again or not agent.died():
+            self.fence(head, ending or "its process ended")
+            return
         self._epochs[head] += 1
         self._again[head] = now
         self._ready.discard(head)

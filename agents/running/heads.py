@@ -153,7 +153,7 @@ class WitnessProcess:
         self._until = time.monotonic() + MOST_S
         self._process = AgentProcess(WITNESS, COMMAND, self._stated.take)
         heads = len(self._meeting.places) - 1
-        self._process.begin(["--heads", str(heads), "--epoch", str(self._epoch)], self._meeting)
+        self._process.begin([str(heads), str(self._epoch)], self._meeting)
 
     @property
     def is_listening(self) -> bool:
