@@ -50,6 +50,7 @@ def run(
     """
     if given.meeting is None and not given.controlled:
         planner.serial((given.head,))
+    front: PipeFront | TerminalFront
     front = (pipe or PipeFront()) if given.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))

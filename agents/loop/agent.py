@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from typing import Protocol as Interface
 
 from agents.agreeing import events
 from agents.agreeing.protocol import Protocol
@@ -53,11 +52,20 @@ class Meet:
     places: tuple[str, ...]
 
 
-class FrontEnd(Interface):
+class Front:
     """Who watches and commands one agent: a launcher, a terminal or a test."""
+
+    def __init__(self) -> None:
+        self.asked: list[events.ProtocolEvent | Meet] = []
+
+    def ask(self, event: events.ProtocolEvent) -> None:
+        """Queue a command of this process itself (a signal)."""
+        self.asked.append(event)
 
     def commands(self) -> list[events.ProtocolEvent | Meet]:
         """Return what was asked since the last call."""
+        asked, self.asked = self.asked, []
+        return asked
 
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Show where the agent stands."""
@@ -87,7 +95,7 @@ class Agent:
         *,
         planner: DecMctsPlanner,
         transport: Transport,
-        front: FrontEnd,
+        front: Front,
         time_limit_s: float,
         clock: Callable[[], float],
         wait_s: float = 60.0,

@@ -25,7 +25,7 @@ from dataclasses import asdict
 from typing import Any
 
 from agents.agreeing import events
-from agents.loop.agent import AgentProgress, Meet
+from agents.loop.agent import AgentProgress, Front, Meet
 from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
@@ -39,22 +39,6 @@ _MAX_LINE = 65536
 _WATCH_MS = 100
 PULSE_S = 0.5
 LEAVE_S = 3.0  # so long an agent has to take leave after its launcher is gone, whatever it computes
-
-
-class Front:
-    """What is asked of an agent, until it takes it."""
-
-    def __init__(self) -> None:
-        self.asked: list[events.ProtocolEvent | Meet] = []
-
-    def ask(self, event: events.ProtocolEvent) -> None:
-        """Queue a command of this process itself (a signal)."""
-        self.asked.append(event)
-
-    def commands(self) -> list[events.ProtocolEvent | Meet]:
-        """Return what was asked since the last call."""
-        asked, self.asked = self.asked, []
-        return asked
 
 
 class PipeFront(Front):
@@ -175,14 +159,11 @@ class PipeFront(Front):
 
 
 class TerminalFront(Front):
-    """A front end for a person who runs one agent by hand."""
+    """A front end for a person who runs one agent by hand: a log without progress."""
 
     def ready(self, problem: str) -> None:
         """Say that the agent is up."""
         print(f"problem {problem[:12]} loaded", file=sys.stderr)
-
-    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
-        """Say nothing: the notes and the result are enough for a log."""
 
     def notify(self, effect: events.Notice) -> None:
         """Print one line."""

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agents.agreeing.events import HeadFenced, Notice, PlanReleased
-from agents.loop.agent import Agent, AgentProgress
-from agents.loop.pipes import Front
+from agents.loop.agent import Agent, AgentProgress, Front
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
 from agents.planners.serial import joint_order
