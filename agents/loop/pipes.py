@@ -99,13 +99,12 @@ class PipeFront(Front):
             self._rest += chunk
         line, _, self._rest = self._rest.partition(b"\n")
         self._take(b"")
-        given = any_command(line)
-        match given:
+        match any_command(line):
             case {"command": "exit"}:
                 return None
-            case {"command": "begin", "arguments": [*words]}:
-                if "meeting" in given:
-                    self.meeting = Meeting.from_dict(given["meeting"])
+            case {"command": "begin", "arguments": [*words], **more}:
+                if "meeting" in more:
+                    self.meeting = Meeting.from_dict(more["meeting"])
                 return [str(word) for word in words]
         raise InputError(
             "the first line on stdin hands over no arguments",

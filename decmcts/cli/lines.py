@@ -16,7 +16,7 @@ from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.result import Result
 from decmcts.planning.writing.file_times import FileTimes, is_longer
 from decmcts.print.figures import MAKERS, change, clock_time, idle_line, shown
-from decmcts.print.metrics import Metrics, compared_order
+from decmcts.print.metrics import CutMetrics, Metrics, compared_order
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 
@@ -93,7 +93,7 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
     return list(filter(None, lines))
 
 
-def _cut_lines(cut: dict[str, Any]) -> list[str]:
+def _cut_lines(cut: CutMetrics) -> list[str]:
     """Return what was cut so that heads share it."""
     shows = f"{cut['outside']:,} of them outside" if cut["outside"] else "none of them outside"
     of = [f"{count:,} in {role.replace('_', ' ')}" for role, count in cut.get("roles", {}).items()]
