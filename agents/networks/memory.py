@@ -91,7 +91,7 @@ class MemoryNetwork:
         heapq.heappush(self._flying, (self.now + delay_s, next(self._numbers), to, arrival))
 
 
-class MemoryTransport:
+class MemoryTransport(Transport):
     """One head's side of a `MemoryNetwork`."""
 
     def __init__(self, network: MemoryNetwork, head: int, epoch: int = 1) -> None:
@@ -117,11 +117,8 @@ class MemoryTransport:
         arrived, self.inbox = self.inbox, []
         return arrived
 
-    def move(self, places: Sequence[str]) -> None:
-        """Stay: there is one place in memory."""
 
-
-class LossyTransport:
+class LossyTransport(Transport):
     """A transport behind which the weather is bad; its delays are seconds of the world."""
 
     def __init__(self, inner: Transport, weather: Weather, rng: np.random.Generator) -> None:

@@ -26,7 +26,7 @@ from agents.messages.codec import KINDS
 from agents.messages.keys import Keys
 from agents.messages.kinds import MessageError, Presence
 from agents.messages.seal import ForgedError, Seal
-from agents.networks.transport import FORGED, STRANGE, Arrival, Packet
+from agents.networks.transport import FORGED, STRANGE, Arrival, Packet, Transport
 from agents.networks.zenoh_session import LEASE_MS, open_session
 from decmcts.errors import InputError
 
@@ -67,7 +67,7 @@ def stood_still(passed_s: float, computed_s: float) -> bool:
     return passed_s - WATCH_S - computed_s > STOPPED_S
 
 
-class ZenohTransport:
+class ZenohTransport(Transport):
     """One head's zenoh session; use as a context manager.
 
     Parameters
