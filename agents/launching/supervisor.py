@@ -96,16 +96,11 @@ class Supervisor:
         if not self._is_stopped:
             self._is_stopped = True
             self._over_at = min(self._over_at, self._clock())
-            if not self._have_met():
+            known = [self.status[head] for head in self._unfenced()]
+            heads = {status.head for status in known}
+            if self._met_at == _NEVER and not all(s.rounds or heads <= set(s.live) for s in known):
                 raise LaunchError("stopped before the agents had found one another")
             self._send_to_all({"command": "stop"})
-
-    def _have_met(self) -> bool:
-        """Tell whether every agent planned, or knows all it will plan with."""
-        heads = self._unfenced()
-        return self._met_at < _NEVER or all(
-            self.status[h].rounds > 0 or set(heads) <= set(self.status[h].live) for h in heads
-        )
 
     def _send_to_all(self, command: dict[str, Any]) -> None:
         for head in self._unfenced():
@@ -323,7 +318,9 @@ class Supervisor:
             if now - self._met_at > self._limit_s + late_s:
                 self._fence_silent(f"not done {late_s:g} s after the time for planning")
             return
-        limit_s = self.agree_limit_s()
+        heads_s = liveness.AGREE_HEAD_S * max(0, len(self._names) - 2)
+        rounds_s = liveness.AGREE_ROUNDS * self._liveness.longest_round_s()
+        limit_s = max(liveness.AGREE_LIMIT_S + heads_s, rounds_s)
         if now < max(self._over_at + limit_s, self._fenced_at + liveness.AFTER_FENCE_S):
             return
         why = f"no agreement {limit_s:.0f} s after planning"
@@ -333,14 +330,6 @@ class Supervisor:
             self.fence(head, why)
         if not late or len(late) == len(heads):
             self._fence_silent(why)
-
-    def agree_limit_s(self) -> float:
-        """Return how long agents may take to agree, by what is known of their rounds."""
-        heads_s = liveness.AGREE_HEAD_S * max(0, len(self._names) - 2)
-        return max(
-            liveness.AGREE_LIMIT_S + heads_s,
-            liveness.AGREE_ROUNDS * self._liveness.longest_round_s(),
-        )
 
     def _fence_silent(self, why: str) -> None:
         for head in sorted(set(self._unfenced()) - self._released.keys()):

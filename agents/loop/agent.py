@@ -251,7 +251,8 @@ class Agent:
             # A peer's bad message is dropped, counted and logged, never fatal.
             self.drop(f"{MALFORMED} message of head {arrival.head}", str(error))
             return
-        self.traffic.count_received(arrival.kind, len(arrival.payload))
+        self.traffic.received[arrival.kind] += 1
+        self.traffic.received_bytes[arrival.kind] += len(arrival.payload)
         self._feed(envelope)
 
     def drop(self, reason: str, detail: str = "") -> None:
@@ -329,5 +330,6 @@ class Agent:
             self.drop("own message too large", str(error))
             return
         kind = kind_of(message)
-        self.traffic.count_sent(kind, len(payload))
+        self.traffic.sent[kind] += 1
+        self.traffic.sent_bytes[kind] += len(payload)
         self._transport.send(kind, payload, reliable=not isinstance(message, kinds.DROPPABLE))

@@ -37,23 +37,13 @@ class Traffic:
 
     sent: Counter[str] = field(default_factory=Counter)  # messages by kind
     sent_bytes: Counter[str] = field(default_factory=Counter)
-    received: Counter[str] = field(default_factory=Counter)
+    received: Counter[str] = field(default_factory=Counter)  # and well formed
     received_bytes: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)  # by reason
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Return all counts as plain dictionaries."""
         return {name: dict(getattr(self, name)) for name in self.__slots__}
-
-    def count_sent(self, kind: str, size: int) -> None:
-        """Add one message that went out."""
-        self.sent[kind] += 1
-        self.sent_bytes[kind] += size
-
-    def count_received(self, kind: str, size: int) -> None:
-        """Add one message that came in and was well formed."""
-        self.received[kind] += 1
-        self.received_bytes[kind] += size
 
 
 class Transport:
