@@ -52,7 +52,7 @@ class Meet:
     places: tuple[str, ...]
 
 
-class Front:
+class FrontEnd:
     """Who watches and commands one agent: a launcher, a terminal or a test."""
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class Agent:
         *,
         planner: DecMctsPlanner,
         transport: Transport,
-        front: Front,
+        front: FrontEnd,
         time_limit_s: float,
         clock: Callable[[], float],
         wait_s: float = 60.0,

@@ -25,7 +25,7 @@ from dataclasses import asdict
 from typing import Any
 
 from agents.agreeing import events
-from agents.loop.agent import AgentProgress, Front, Meet
+from agents.loop.agent import AgentProgress, FrontEnd, Meet
 from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
@@ -41,7 +41,7 @@ PULSE_S = 0.5
 LEAVE_S = 3.0  # so long an agent has to take leave after its launcher is gone, whatever it computes
 
 
-class PipeFront(Front):
+class PipeFront(FrontEnd):
     """A front end over file descriptors."""
 
     def __init__(
@@ -157,7 +157,7 @@ class PipeFront(Front):
             self.ask(events.Leave("the launcher is gone"))
 
 
-class TerminalFront(Front):
+class TerminalFront(FrontEnd):
     """A front end for a person who runs one agent by hand: a log without progress."""
 
     def ready(self, problem: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agents.agreeing.events import HeadFenced, Notice, PlanReleased
-from agents.loop.agent import Agent, AgentProgress, Front
+from agents.loop.agent import Agent, AgentProgress, FrontEnd
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
 from agents.planners.serial import joint_order
@@ -76,7 +76,7 @@ def agreed(
 STEP_S = 0.02
 
 
-class Recorder(Front):
+class Recorder(FrontEnd):
     """A front end that keeps what it is told."""
 
     def __init__(self) -> None:
