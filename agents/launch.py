@@ -56,14 +56,8 @@ def launch(
     `lags` say how long what is printed over must cool, `start` is an order to begin with,
     `parameters` set some of `decmcts.team.dec_mcts.parameters`.
 
-    Raises
-    ------
-    LaunchError
-        If the agents come to no plan, or to one that resolves differently here.
-    InputError
-        If no head can print some contour, or a parameter is not allowed.
-    ValueError
-        If there is no limit of seconds, or one of iterations.
+    LaunchError if the agents come to no plan, or to one that resolves differently here; InputError
+    if no head can print some contour, or a parameter is not allowed; ValueError as `run_agents`.
     """
     changed(Parameters(), parameters or {})
     problem = build_team_problem(job, machine, graph, lags, start)

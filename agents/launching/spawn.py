@@ -125,12 +125,8 @@ def run_agents(
     Seconds of `stopping` count from when all agents are ready; ten times a second it is polled
     whether to agree on the best so far. Iterations cannot be limited.
 
-    Raises
-    ------
-    LaunchError
-        If there is no plan.
-    ValueError
-        If there is no limit of seconds, or one of iterations.
+    LaunchError if there is no plan; ValueError without a limit of seconds, or with one of
+    iterations.
     """
     if stopping.seconds is None or stopping.iterations is not None:
         raise ValueError("agents plan by the clock: limit seconds, and no iterations")
