@@ -24,8 +24,7 @@ from agents.launching.places import remove_left
 from agents.launching.processes import PIPED, failed
 from agents.loop.agent import TICK_S, Agent
 from agents.loop.pipes import PipeFront, TerminalFront, line_of
-from agents.messages.digests import apart
-from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS
+from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS, apart
 from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
 from decmcts.errors import InputError
@@ -35,11 +34,8 @@ from decmcts.leaving import leave
 if TYPE_CHECKING:
     from agents.planners.team_planner import DecMctsPlanner
 
-LINGER_S = 10.0
-"""An agent without a launcher answers stragglers so long after its release."""
-
-WAIT_S = 60.0
-"""An agent without a launcher begins to plan after so long although heads are missing."""
+LINGER_S = 10.0  # an agent without a launcher answers stragglers so long after its release
+WAIT_S = 60.0  # an agent without a launcher begins to plan after so long although heads are missing
 
 
 MakePlanner = Callable[[argparse.Namespace], "DecMctsPlanner"]
@@ -50,13 +46,11 @@ def run(
 ) -> PlanReleased | None:
     """Run one head's agent, `given` as by `options_of`, to its end; return the plan it released.
 
-    Raises
-    ------
-    InputError
-        If it is alone, without a launcher, and cannot print everything: nobody comes to help.
+    InputError if it is alone, without a launcher, and cannot print everything: nobody helps.
     """
     if given.meeting is None and not given.controlled:
         planner.serial((given.head,))
+    front: PipeFront | TerminalFront
     front = (pipe or PipeFront()) if given.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
@@ -102,15 +96,12 @@ def _transport(given: argparse.Namespace, traffic: Traffic, pipe: PipeFront | No
     # Imported here: the single-extruder mode needs no zenoh.
     from agents.networks.zenoh_transport import ZenohTransport
 
-    def count(reason: str) -> None:
-        traffic.dropped[reason] += 1
-
     return ZenohTransport(
         meeting.seal,
         given.head,
         given.epoch,
         meeting.places,
-        on_drop=count,
+        on_drop=lambda reason: traffic.dropped.update([reason]),
         on_shut=None if pipe is None else pipe.shut,
     )
 
@@ -175,20 +166,16 @@ def options_of(given: argparse.Namespace, meeting: Meeting | None = None) -> arg
         raise InputError(f"--silence {given.silence:g}, allowed 1..{longest_s:g} seconds")
     if not 0.0 <= given.time_limit < math.inf:
         raise InputError(f"--time-limit {given.time_limit:g}, must be at least 0 and finite")
-    given.meeting = meeting or _meeting_by_hand(given)
+    if meeting is None and given.addresses:
+        if given.secret is None:
+            raise InputError(
+                "--addresses without --secret: anybody could join",
+                advice="name a file with a secret that all agents share (docs/protocol.md)",
+            )
+        meeting = Meeting(given.addresses, secret_of(given.secret))
+    given.meeting = meeting
     given.epoch = given.epoch or time.time_ns() // 1_000_000
     return given
-
-
-def _meeting_by_hand(given: argparse.Namespace) -> Meeting | None:
-    if not given.addresses:
-        return None
-    if given.secret is None:
-        raise InputError(
-            "--addresses without --secret: anybody could join",
-            advice="name a file with a secret that all agents share (docs/protocol.md)",
-        )
-    return Meeting(given.addresses, secret_of(given.secret))
 
 
 def _team_planner(given: argparse.Namespace) -> DecMctsPlanner:
@@ -209,15 +196,6 @@ def _team_planner(given: argparse.Namespace) -> DecMctsPlanner:
         last = len(pack.machine.heads) - 1
         raise InputError(f"--head {given.head}, but {pack.machine.name} has heads 0..{last}")
     return DecMctsPlanner.of_pack(pack, given.head, seed=given.seed)
-
-
-def _require_problem(digest: str, expected: str) -> None:
-    if expected and digest != expected:
-        ours, theirs = apart(digest, expected)
-        raise InputError(
-            f"the problem has digest {ours}, the launcher's has {theirs}",
-            advice="both sides need the same version of decmcts",
-        )
 
 
 def load_team() -> None:
@@ -260,7 +238,12 @@ def _run_with(
         given = arguments().parse_args(words)
         options_of(given, None if pipe is None else pipe.meeting)
         planner = make_planner(given)
-        _require_problem(planner.problem, given.expect)
+        if given.expect and planner.problem != given.expect:
+            ours, theirs = apart(planner.problem, given.expect)
+            raise InputError(
+                f"the problem has digest {ours}, the launcher's has {theirs}",
+                advice="both sides need the same version of decmcts",
+            )
         run(planner, given, pipe)
     except Exception as error:
         if given is not None and given.debug and not isinstance(error, InputError):

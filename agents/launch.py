@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from agents.launching.spawn import Agreement, Crew, OnStart, run_agents
 from agents.launching.status import LaunchError, OnProgress
-from agents.messages.digests import apart
-from agents.planners.pack import TEAM, Pack, write_pack
+from agents.messages.kinds import apart
+from agents.planners.pack import Pack, write_pack
 from agents.planners.serial import joint_order
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
@@ -24,7 +24,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters, changed
 from decmcts.team.engine.plans import StatedOrder
-from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.problem import build_team_problem
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,21 +56,14 @@ def launch(
     `lags` say how long what is printed over must cool, `start` is an order to begin with,
     `parameters` set some of `decmcts.team.dec_mcts.parameters`.
 
-    Raises
-    ------
-    LaunchError
-        If the agents come to no plan, or to one that resolves differently here.
-    InputError
-        If no head can print some contour, or a parameter is not allowed.
-    ValueError
-        If there is no limit of seconds, or one of iterations.
+    LaunchError if the agents come to no plan, or to one that resolves differently here; InputError
+    if no head can print some contour, or a parameter is not allowed; ValueError as `run_agents`.
     """
     changed(Parameters(), parameters or {})
     problem = build_team_problem(job, machine, graph, lags, start)
-    options = {} if parameters is None else {TEAM: dict(parameters)}
     expected = team_digest(problem.digest, job, code=code_digest())
     with draft_folder() as folder:
-        write_pack(Pack(job, machine, graph, options, lags, start), folder)
+        write_pack(Pack(job, machine, graph, parameters or {}, lags, start), folder)
         agreement = run_agents(
             problem.head_names,
             ["--pack", str(folder), "--expect", expected],
@@ -80,11 +73,6 @@ def launch(
             on_start=on_start,
             crew=crew if crew is not None and len(crew) == len(problem.head_names) else None,
         )
-    return _checked(problem, agreement)
-
-
-def _checked(problem: TeamProblem, agreement: Agreement) -> LaunchResult:
-    """Resolve the agreed plan once more, here."""
     resolved = joint_order(problem, agreement.plans, agreement.live)
     if resolved.digest != agreement.digest:
         agreed, here = apart(agreement.digest, resolved.digest)

@@ -10,7 +10,6 @@ whom it heard, and ends:
 
 from __future__ import annotations
 
-import argparse
 import signal
 import time
 
@@ -23,14 +22,6 @@ from decmcts.leaving import leave
 
 LISTENS_S = 3.0  # links take up to 1 s; agents speak several times a second
 POLL_S = 0.05
-
-
-def arguments() -> argparse.ArgumentParser:
-    """Return the parser of what the launcher hands over."""
-    parser = argparse.ArgumentParser(prog="decmcts witness")
-    parser.add_argument("--heads", type=int, required=True, help="that could speak")
-    parser.add_argument("--epoch", type=int, required=True)
-    return parser
 
 
 def heard_of(transport: ZenohTransport, heads: int, seconds: float) -> list[int]:
@@ -51,12 +42,10 @@ def main() -> int:
         words = front.arguments()
         if words is None or front.meeting is None:
             return 0
-        given, meeting = arguments().parse_args(words), front.meeting
-        with ZenohTransport(
-            meeting.seal, given.heads, given.epoch, meeting.places, kinds=(KIND,)
-        ) as transport:
+        (heads, epoch), meeting = map(int, words), front.meeting  # heads that could speak
+        with ZenohTransport(meeting.seal, heads, epoch, meeting.places, kinds=(KIND,)) as bus:
             front.ready("")
-            front.write({"event": "heard", "heads": heard_of(transport, given.heads, LISTENS_S)})
+            front.write({"event": "heard", "heads": heard_of(bus, heads, LISTENS_S)})
     except Exception as error:
         return failed(error)
     return 0

@@ -107,7 +107,7 @@ def most_mib() -> int:
 
 def size(message: Message) -> int:
     """Return the bytes of a message as it is put."""
-    return len(packed(Envelope.of(0, time.time_ns() // 1_000_000, 1000, message)))
+    return len(packed(Envelope(0, time.time_ns() // 1_000_000, 1000, message)))
 
 
 def search(problem: TeamProblem, seed: int, seconds: float) -> Figures:

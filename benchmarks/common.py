@@ -23,10 +23,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from decmcts.experiments.kinds import Rows, grouped, markdown, median, spread
+from decmcts.experiments import kinds
+from decmcts.experiments.kinds import grouped, markdown, median, spread
 from decmcts.samples import SAMPLES
 
-__all__ = ["Rows", "grouped", "markdown", "median", "spread"]
+__all__ = ["grouped", "markdown", "median", "spread"]
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "docs" / "results"
@@ -147,6 +148,21 @@ def last(text: str) -> str:
 
 
 Run = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+class Rows(kinds.Rows):
+    """Rows of a benchmark, which asks run by run and says in the end which failed."""
+
+    def has(self, **key: Any) -> bool:
+        """Say whether a run with this key was made already, by this process or another."""
+        return not self.missing([key])
+
+    def failures(self) -> str:
+        """Return a Markdown section on the runs that failed and were not made since, or nothing."""
+        made = {self.key_of(row) for row in self.rows if not row["error"]}
+        failed = {self.key_of(row): row["error"] for row in self.rows if row["error"]}
+        lines = [f"- {' '.join(key)}: {failed[key]}\n" for key in failed if key not in made]
+        return "\n## Failed\n\n" + "".join(lines) if lines else ""
 
 
 def run_missing(rows: Rows, keys: Iterable[dict[str, Any]], run: Run, *, jobs: int = 1) -> None:

@@ -85,7 +85,7 @@ while time.monotonic() < ends:
     for head in (0, 1):
         root = f"decmcts/v3/{told['session']}/{head}"
         for word, name in zip(words, names):
-            payload = encode(Envelope.of(head, 2**61, numbers[number % 10**6], word))
+            payload = encode(Envelope(head, 2**61, numbers[number % 10**6], word))
             session.put(f"{root}/msg/{name}", payload)
             number += 1
         if len(tokens) < 500:

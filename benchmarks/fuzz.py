@@ -295,7 +295,7 @@ MESSAGES: tuple[kinds.Message, ...] = (
 
 def message(kind: int = 0) -> bytes:
     """Return what one agent says to another, of one kind."""
-    return encode(kinds.Envelope.of(1, 5, 9, MESSAGES[kind]))
+    return encode(kinds.Envelope(1, 5, 9, MESSAGES[kind]))
 
 
 def _message_of(path: Path) -> object:

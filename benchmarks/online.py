@@ -56,7 +56,6 @@ from decmcts.experiments.teams import (
     given,
     given_by,
     in_one_process,
-    machine_for,
 )
 from decmcts.planning.options import Cut, Rules
 from decmcts.planning.replanning.replan import Rest, rest_of, rest_problem
@@ -183,8 +182,7 @@ def _begun(name: str, heads: int, seed: int) -> tuple[Given, PlanDocument, State
     It depends on rounds, not on time, so that it is the same in every process.
     """
     key = {"print": name}
-    machine, middle = machine_for(key, heads, BED_MM)
-    what = given(key, machine, Cut.NONE, middle=middle)
+    what = given(key, heads, BED_MM, Cut.NONE)
     toolpaths = in_one_process(what.team, Stopping(iterations=ROUNDS), seed=seed)
     return what, exact(what, toolpaths), StatedOrder.of(toolpaths)
 

@@ -46,21 +46,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from agents.agreeing import events
 from agents.agreeing.ballot import Ballot, PlanKey, key_of
-from agents.agreeing.events import (
-    Effect,
-    Left,
-    LogNote,
-    Phase,
-    PlanReleased,
-    PlanResolved,
-    Propose,
-    Resolve,
-    Send,
-    Unfenced,
-)
 from agents.agreeing.roster import Roster
-from agents.messages.digests import apart
 from agents.messages.kinds import (
     Commit,
     Goodbye,
@@ -69,13 +57,11 @@ from agents.messages.kinds import (
     PlanRequest,
     Proposal,
     Stage,
+    apart,
 )
 
-_TERMS = 2**20
-"""Terms of one incarnation; epochs are spaced so that terms never repeat."""
-
-STALLED_TICKS = 50
-"""Ticks of agreeing after which the heads that are missing are named: 5 s."""
+_TERMS = 2**20  # terms of one incarnation; epochs are spaced so that terms never repeat
+STALLED_TICKS = 50  # ticks of agreeing after which the heads that are missing are named: 5 s
 
 LONG_PLAN = 2048
 """Numbers in plans that one tick's pause stands for before they are said again. So an
@@ -91,9 +77,9 @@ class HeadAgreement:
     The protocol changes the `roster`; `epoch` is our incarnation.
     """
 
-    def __init__(self, head: int, epoch: int, roster: Roster, out: list[Effect]) -> None:
+    def __init__(self, head: int, epoch: int, roster: Roster, out: list[events.Effect]) -> None:
         self.head = head
-        self.phase = Phase.PLANNING
+        self.phase = events.Phase.PLANNING
         self._term = epoch * _TERMS
         self._roster, self._out = roster, out
         self._known: dict[int, int] = {}  # greeted peers (head -> epoch) as last looked at
@@ -108,19 +94,9 @@ class HeadAgreement:
         self._unfenced_reported: tuple[int, ...] = ()
 
     @property
-    def live(self) -> tuple[int, ...]:
-        """We and the greeted peers, ascending."""
-        return self._roster.live
-
-    @property
     def settled(self) -> bool:
         """Whether we released and every live peer said so too."""
-        return self.phase is Phase.RELEASED and self._lowest() == Stage.RELEASED
-
-    @property
-    def released_digest(self) -> str:
-        """Digest of the plan we released, empty for none."""
-        return self._own.digest if self._own and self.phase is Phase.RELEASED else ""
+        return self.phase is events.Phase.RELEASED and self._lowest() == Stage.RELEASED
 
     def sync(self) -> tuple[int, ...] | None:
         """Forget what peers stated who are not greeted any more; None: all are as before.
@@ -173,8 +149,8 @@ class HeadAgreement:
 
     def begin(self) -> None:
         """End planning."""
-        if self.phase is Phase.PLANNING:
-            self.phase = Phase.AGREEING
+        if self.phase is events.Phase.PLANNING:
+            self.phase = events.Phase.AGREEING
             self.restart_round()
 
     def restart_round(self) -> None:
@@ -186,12 +162,12 @@ class HeadAgreement:
             self._adopting = None  # who released it is gone, and nobody else has the plan
         if self._adopting is None:
             self._ballot.drop(self.head)
-            self._out.append(Propose(self.live))
+            self._out.append(events.Propose(self._roster.live))
 
     def proposed(self, own: Proposal) -> None:
         """Take in our planner's own proposal."""
-        asked = (self.live, self._serial)
-        if self.phase is not Phase.AGREEING or (own.live, own.serial) != asked:
+        asked = (self._roster.live, self._serial)
+        if self.phase is not events.Phase.AGREEING or (own.live, own.serial) != asked:
             return  # answers what is history; another Propose is out
         self._ballot.propose(self.head, own, verified=True)
         if self._known:
@@ -203,15 +179,15 @@ class HeadAgreement:
         plans = self._ballot.begin_resolving(proposal)
         if plans is not None:
             self._may_resolve -= 1
-            self._out.append(Resolve(proposal.live, plans, proposal.digest))
+            self._out.append(events.Resolve(proposal.live, plans, proposal.digest))
 
-    def resolved(self, event: PlanResolved) -> None:
+    def resolved(self, event: events.PlanResolved) -> None:
         """Take in what a plan of others gives here."""
         key = (event.live, event.claimed)
         if not self._ballot.end_resolving(key, event.digest, event.makespan_s):
             claimed, here = apart(event.claimed, event.digest)
             text = f"plan {claimed} resolves to {here or 'nothing'} here; not taken"
-            self._out.append(LogNote(text))
+            self._out.append(events.LogNote(text))
 
     def advance(self) -> None:
         """Go as far as what we know allows."""
@@ -219,20 +195,21 @@ class HeadAgreement:
             self._adopt(self._adopting)
             return
         self._settle_dispute()
-        best = self._ballot.best(self.live)
+        best = self._ballot.best(self._roster.live)
         if best is None:
             return
         if key_of(best) not in self._ballot.verified:
             self._resolve(best)
             return
-        if self._own is None or key_of(self._own) != key_of(best):
+        own = self._own
+        if own is None or key_of(own) != key_of(best):
             self._term += 1
-            self._state(Stage.COMMITTED, key_of(best))
-        self._climb()
+            own = self._state(Stage.COMMITTED, key_of(best))
+        self._climb(own)
 
     def _settle_dispute(self) -> None:
         """Fall back to the explicit order if a live head stands by what is another plan here."""
-        disputed = self._ballot.disputed(self.live)
+        disputed = self._ballot.disputed(self._roster.live)
         if disputed is None:
             return
         head, is_serial = disputed
@@ -242,12 +219,9 @@ class HeadAgreement:
         elif not self._serial:
             self._serial = True
             text = f"{name} resolves plans to others than we do: serial order proposed"
-            self._out += [LogNote(text), Propose(self.live, serial=True)]
+            self._out += [events.LogNote(text), events.Propose(self._roster.live, serial=True)]
 
-    def _climb(self) -> None:
-        own = self._own
-        if own is None:
-            return
+    def _climb(self, own: Commit) -> None:
         if own.stage is Stage.COMMITTED and self._lowest() >= Stage.COMMITTED:
             own = self._state(Stage.AGREED, key_of(own))
         if own.stage is not Stage.AGREED:
@@ -263,7 +237,7 @@ class HeadAgreement:
     def _report_unfenced(self, missing: tuple[int, ...]) -> None:
         self._unfenced_reported = missing
         if missing:
-            self._out.append(Unfenced(missing))
+            self._out.append(events.Unfenced(missing))
 
     def _lowest(self) -> int:
         """Return how far the slowest peer is with our plan; 0: not at all."""
@@ -287,22 +261,23 @@ class HeadAgreement:
 
     def _release(self, key: PlanKey) -> None:
         plan = self._ballot.verified[key]
-        self.phase = Phase.RELEASED
+        self.phase = events.Phase.RELEASED
         self._adopting = None
         self._state(Stage.RELEASED, key)
-        self._out.append(PlanReleased(plan.live, plan.plans, plan.makespan_s, plan.digest))
+        self._out.append(events.PlanReleased(plan.live, plan.plans, plan.makespan_s, plan.digest))
 
     # Following a release of others --------------------------------------------
 
     def _follow(self, commit: Commit) -> None:
-        if self.phase is Phase.RELEASED:
+        if self.phase is events.Phase.RELEASED:
             if self._own is not None and key_of(self._own) != key_of(commit):
                 theirs, ours = apart(commit.digest, self._own.digest)
-                self._out.append(LogNote(f"a peer released another plan: {theirs}, not {ours}"))
+                text = f"a peer released another plan: {theirs}, not {ours}"
+                self._out.append(events.LogNote(text))
         elif self.head not in commit.live:
-            self._leave_parked()
+            self.leave("the others released a plan without this head")
         else:
-            self.phase = Phase.AGREEING
+            self.phase = events.Phase.AGREEING
             self._adopting = commit
 
     def _adopt(self, commit: Commit) -> None:
@@ -318,10 +293,10 @@ class HeadAgreement:
     def _may_adopt(self, key: PlanKey) -> bool:
         """Whether we have a plan, or somebody who is here does."""
         ballot = self._ballot
-        return ballot.find(key) is not None or ballot.is_pending(key) or bool(ballot.holders(key))
+        return ballot.find(key) is not None or key in ballot.pending or bool(ballot.holders(key))
 
     def _ask_for(self, key: PlanKey) -> None:
-        if self._may_ask and not self._ballot.is_pending(key):
+        if self._may_ask and key not in self._ballot.pending:
             self._may_ask = False
             for head in self._ballot.holders(key):
                 self._send(PlanRequest(head, *key))
@@ -336,41 +311,41 @@ class HeadAgreement:
         if plans_too:
             self._may_ask = True
             self._answered.clear()
-        if self.phase is Phase.RELEASED and not self.settled:
+        if self.phase is events.Phase.RELEASED and not self.settled:
             self._send_own()
-        if self.phase is not Phase.AGREEING:
+        if self.phase is not events.Phase.AGREEING:
             return
         self._agreeing_ticks += 1
         if self._agreeing_ticks % STALLED_TICKS == 0:
-            self._report_unfenced(self._roster.missing(self.live))
+            self._report_unfenced(self._roster.missing(self._roster.live))
         if self._adopting is None:
             self._repeat(plans_too=plans_too)
 
     def _may_send_plans(self) -> bool:
         """Whether plans may be said again, or asked for again, in this tick."""
-        mine = self._ballot.proposal(self.head)
+        mine = self._ballot.proposals.get(self.head)
         length = sum(map(len, mine.plans.values())) if mine is not None else 0
         pause = min(1 + length // LONG_PLAN, LONGEST_PAUSE_TICKS)
         return self._ticks % pause == 0
 
     def _repeat(self, *, plans_too: bool) -> None:
         """Say again what peers who are not with us may have missed."""
-        own, mine = self._own, self._ballot.proposal(self.head)
+        own, mine = self._own, self._ballot.proposals.get(self.head)
         if mine is not None and plans_too and self._known and self._lowest() < Stage.COMMITTED:
             self._send(mine)
         self._send_own()
-        for head in self._known:
-            theirs = self._ballot.commits.get(head)
-            if theirs is None or theirs.live != self.live or self._ballot.find(key_of(theirs)):
-                continue
-            if own is None or key_of(theirs) != key_of(own):
-                self._ask_for(key_of(theirs))
+        ours = None if own is None else key_of(own)
+        commits = (self._ballot.commits.get(head) for head in self._known)
+        for key in [key_of(commit) for commit in commits if commit is not None]:
+            if key[0] == self._roster.live and key != ours and not self._ballot.find(key):
+                self._ask_for(key)
 
-    def _leave_parked(self) -> None:
-        reason = "the others released a plan without this head"
-        self._send(Goodbye("", reason))
-        self._out.append(Left(reason))
-        self.phase = Phase.LEFT
+    def leave(self, reason: str) -> None:
+        """Take leave, with the digest of the plan that we released."""
+        released = self._own.digest if self._own and self.phase is events.Phase.RELEASED else ""
+        self._send(Goodbye(released, reason))
+        self._out.append(events.Left(reason))
+        self.phase = events.Phase.LEFT
 
     def _send(self, message: Message) -> None:
-        self._out.append(Send(message))
+        self._out.append(events.Send(message))

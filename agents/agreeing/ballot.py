@@ -16,8 +16,7 @@ REMEMBERED = 256
 """Plans of which is known that they resolve to something else: their digests only, for a
 peer may make them up."""
 
-VERIFIED = 64
-"""Plans kept whole that were resolved here, besides those that somebody stands by."""
+VERIFIED = 64  # plans kept whole that were resolved here, besides those that somebody stands by
 
 
 def key_of(stated: Proposal | Commit) -> PlanKey:
@@ -31,24 +30,20 @@ class Ballot:
     def __init__(self) -> None:
         self.commits: dict[int, Commit] = {}
         self.verified: dict[PlanKey, Proposal] = {}  # resolved here, with the digest they claim
-        self._proposals: dict[int, Proposal] = {}
-        self._pending: dict[PlanKey, Proposal] = {}  # being resolved
+        self.proposals: dict[int, Proposal] = {}
+        self.pending: dict[PlanKey, Proposal] = {}  # being resolved
         self._rejected: dict[PlanKey, bool] = {}  # whether it was a serial order
         self.ours: PlanKey | None = None  # what we stand by
 
     def propose(self, head: int, proposal: Proposal, *, verified: bool = False) -> None:
         """Note a head's proposal; our own is verified."""
-        self._proposals[head] = proposal
+        self.proposals[head] = proposal
         if verified:
             self._keep(proposal)
 
-    def proposal(self, head: int) -> Proposal | None:
-        """Return a head's latest proposal."""
-        return self._proposals.get(head)
-
     def drop(self, head: int) -> None:
         """Forget a head's words."""
-        self._proposals.pop(head, None)
+        self.proposals.pop(head, None)
         self.commits.pop(head, None)
 
     def best(self, live: tuple[int, ...]) -> Proposal | None:
@@ -70,7 +65,7 @@ class Ballot:
 
     def _word(self, head: int, live: tuple[int, ...]) -> Proposal | None:
         """Return what a head proposes for a live set, or else what it stands by."""
-        proposal, commit = self._proposals.get(head), self.commits.get(head)
+        proposal, commit = self.proposals.get(head), self.commits.get(head)
         if proposal is not None and proposal.live == live:
             return proposal
         if commit is not None and commit.live == live:
@@ -79,24 +74,20 @@ class Ballot:
 
     def find(self, key: PlanKey) -> Proposal | None:
         """Return the proposal behind a plan, if some head stated it."""
-        stated = (p for p in self._proposals.values() if key_of(p) == key)
+        stated = (p for p in self.proposals.values() if key_of(p) == key)
         return self.verified.get(key) or next(stated, None)
 
     def begin_resolving(self, proposal: Proposal) -> Plans | None:
         """Return the plans to resolve, None if that is done or under way."""
         key = key_of(proposal)
-        if key in self.verified or key in self._pending or key in self._rejected:
+        if key in self.verified or key in self.pending or key in self._rejected:
             return None
-        self._pending[key] = proposal
+        self.pending[key] = proposal
         return proposal.plans
-
-    def is_pending(self, key: PlanKey) -> bool:
-        """Whether a plan is being resolved."""
-        return key in self._pending
 
     def end_resolving(self, key: PlanKey, digest: str, makespan_s: float) -> bool:
         """Note what a plan resolved to; return whether it is what was claimed."""
-        proposal = self._pending.pop(key, None)
+        proposal = self.pending.pop(key, None)
         if proposal is None:
             return True
         # Of an explicit order the makespan is an estimate of each host's own.
@@ -111,7 +102,7 @@ class Ballot:
     def _keep(self, proposal: Proposal) -> None:
         """Keep a plan that was resolved here, and drop the oldest that nobody stands by."""
         self.verified[key_of(proposal)] = proposal
-        stood_by = {key_of(each) for each in self._proposals.values()}
+        stood_by = {key_of(each) for each in self.proposals.values()}
         stood_by |= {key_of(each) for each in self.commits.values()}
         old = [key for key in self.verified if key not in stood_by and key != self.ours]
         for key in old[: max(0, len(self.verified) - VERIFIED)]:

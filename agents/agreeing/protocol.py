@@ -31,39 +31,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from agents.agreeing import events
 from agents.agreeing.agreement import HeadAgreement
-from agents.agreeing.events import (
-    Effect,
-    Forget,
-    HeadFenced,
-    Leave,
-    Left,
-    LiveChanged,
-    LogNote,
-    Phase,
-    PlanningEnded,
-    PlanResolved,
-    ProtocolEvent,
-    RosterComplete,
-    Send,
-    Take,
-    Tick,
-)
 from agents.agreeing.roster import Roster
-from agents.messages.kinds import (
-    Beat,
-    Commit,
-    Distribution,
-    Envelope,
-    Goodbye,
-    Hello,
-    Joint,
-    Message,
-    PlanReply,
-    PlanRequest,
-    Presence,
-    Proposal,
-)
+from agents.messages import kinds
 
 
 class Protocol:
@@ -83,13 +54,13 @@ class Protocol:
         fenced: Iterable[int] = (),
     ) -> None:
         self.head = head
-        self._out: list[Effect] = []
+        self._out: list[events.Effect] = []
         self._roster = Roster(head, names, problem, fenced)
         self._agreement = HeadAgreement(head, epoch, self._roster, self._out)
         self._roster_reported = False
 
     @property
-    def phase(self) -> Phase:
+    def phase(self) -> events.Phase:
         """Where we are."""
         return self._agreement.phase
 
@@ -103,45 +74,47 @@ class Protocol:
         """Whether we released and every live peer said so too: we may go."""
         return self._agreement.settled
 
-    def start(self) -> list[Effect]:
+    def start(self) -> list[events.Effect]:
         """Return the first effects; call once before any event."""
-        self._out.append(LiveChanged(self.live))
+        self._out.append(events.LiveChanged(self.live))
         self._check_roster()
         return self._take_out()
 
-    def handle(self, event: ProtocolEvent) -> list[Effect]:
+    def handle(self, event: events.ProtocolEvent) -> list[events.Effect]:
         """Take in one event and return what is to be done, in order."""
-        if self.phase is Phase.LEFT:
+        if self.phase is events.Phase.LEFT:
             return []
-        self._take_in(event)
-        self._sync()
-        self._check_roster()
-        if self.phase is Phase.AGREEING:
-            self._agreement.advance()
-        return self._take_out()
-
-    def _take_in(self, event: ProtocolEvent) -> None:
         agreement = self._agreement
         match event:
-            case Presence(head, epoch, alive):
+            case kinds.Presence(head, epoch, alive):
                 change = self._roster.appeared if alive else self._roster.gone
                 self._out += change(head, epoch)
-            case Envelope(stamp, message):
-                self._receive(stamp.head, stamp.order, message)
-            case Distribution() | Joint():
-                self._send_planning(event)
-            case PlanningEnded():
+            case kinds.Envelope(head, epoch, seq, message):
+                self._receive(head, (epoch, seq), message)
+            case kinds.Distribution() | kinds.Joint():
+                plans = self.phase is events.Phase.PLANNING and len(self.live) > 1
+                if plans and self._is_of_now(event):
+                    self._send(event)
+            case events.PlanningEnded():
                 agreement.begin()
-            case Proposal():
+            case kinds.Proposal():
                 agreement.proposed(event)
-            case PlanResolved():
+            case events.PlanResolved():
                 agreement.resolved(event)
-            case HeadFenced(head, epoch):
+            case events.HeadFenced(head, epoch):
                 self._roster.fence(head, epoch)
-            case Tick(within):
-                self._tick(within)
-            case Leave(reason):
-                self._leave(reason)
+            case events.Tick(within):
+                self._out += self._roster.tick()
+                if len(self.live) > 1 and not self.settled:
+                    self._send(kinds.Beat(within))
+                agreement.tick()
+            case events.Leave(reason):
+                agreement.leave(reason)
+        self._sync()
+        self._check_roster()
+        if self.phase is events.Phase.AGREEING:
+            agreement.advance()
+        return self._take_out()
 
     # Peers ------------------------------------------------------------------
 
@@ -149,72 +122,55 @@ class Protocol:
         """Bring what we know of peers in line with who is greeted."""
         if (dropped := self._agreement.sync()) is None:
             return
-        self._out += [Forget(head) for head in dropped]
-        if self.phase in (Phase.PLANNING, Phase.AGREEING):
-            self._out.append(LiveChanged(self.live))
-        if self.phase is Phase.AGREEING:
+        self._out += [events.Forget(head) for head in dropped]
+        if self.phase in (events.Phase.PLANNING, events.Phase.AGREEING):
+            self._out.append(events.LiveChanged(self.live))
+        if self.phase is events.Phase.AGREEING:
             self._agreement.restart_round()
 
     def _check_roster(self) -> None:
         if not self._roster_reported and not self._roster.missing(self.live):
             self._roster_reported = True
-            self._out.append(RosterComplete())
+            self._out.append(events.RosterComplete())
 
     # Messages ---------------------------------------------------------------
 
-    def _receive(self, head: int, order: tuple[int, int], message: Message) -> None:
+    def _receive(self, head: int, order: tuple[int, int], message: kinds.Message) -> None:
         if not self._roster.is_peer(head):
             return
-        if isinstance(message, Hello):
+        if isinstance(message, kinds.Hello):
             self._out += self._roster.receive_hello(head, order, message)
             return
         if not self._roster.may_receive(head, order, type(message)):
             return
         match message:
-            case Distribution() | Joint():
-                if self.phase is Phase.PLANNING and self._is_of_now(message):
-                    self._out.append(Take(head, message))
-            case Beat(within):
+            case kinds.Distribution() | kinds.Joint():
+                if self.phase is events.Phase.PLANNING and self._is_of_now(message):
+                    self._out.append(events.Take(head, message))
+            case kinds.Beat(within):
                 self._roster.promise(head, within)
-            case Proposal() | Commit() | PlanRequest() | PlanReply():
+            case kinds.Proposal() | kinds.Commit() | kinds.PlanRequest() | kinds.PlanReply():
                 self._agreement.receive(head, message)
-            case Goodbye():
+            case kinds.Goodbye():
                 self._receive_goodbye(head, order[0], message)
 
-    def _is_of_now(self, message: Distribution | Joint) -> bool:
+    def _is_of_now(self, message: kinds.Distribution | kinds.Joint) -> bool:
         """Whether a message is of use to those that are live: a joint plan is of all of them."""
-        return isinstance(message, Distribution) or message.live == self.live
+        return isinstance(message, kinds.Distribution) or message.live == self.live
 
-    def _receive_goodbye(self, head: int, epoch: int, goodbye: Goodbye) -> None:
+    def _receive_goodbye(self, head: int, epoch: int, goodbye: kinds.Goodbye) -> None:
         # Who takes leave without a release stays parked by its own word, which
         # is a fence. Who released prints on: it is gone but not off.
-        self._out.append(LogNote(f"{self._roster.names[head]} left: {goodbye.reason}"))
+        self._out.append(events.LogNote(f"{self._roster.names[head]} left: {goodbye.reason}"))
         if goodbye.digest:
             self._agreement.receive_release(goodbye.digest)
         else:
             self._roster.fence(head, epoch)
 
-    # Time, leaving, output ------------------------------------------------------
+    def _send(self, message: kinds.Message) -> None:
+        self._out.append(events.Send(message))
 
-    def _send_planning(self, message: Distribution | Joint) -> None:
-        if self.phase is Phase.PLANNING and len(self.live) > 1 and self._is_of_now(message):
-            self._send(message)
-
-    def _tick(self, within: int) -> None:
-        self._out += self._roster.tick()
-        if len(self.live) > 1 and not self.settled:
-            self._send(Beat(within))
-        self._agreement.tick()
-
-    def _leave(self, reason: str) -> None:
-        self._send(Goodbye(self._agreement.released_digest, reason))
-        self._out.append(Left(reason))
-        self._agreement.phase = Phase.LEFT
-
-    def _send(self, message: Message) -> None:
-        self._out.append(Send(message))
-
-    def _take_out(self) -> list[Effect]:
+    def _take_out(self) -> list[events.Effect]:
         out = list(self._out)
         self._out.clear()  # the agreement writes into the same list
         return out

@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agents.agreeing.events import Effect, LogNote, Refused, Send
-from agents.messages.digests import apart
-from agents.messages.kinds import SILENCE_TICKS, VERSION, Hello, Message
+from agents.messages.kinds import SILENCE_TICKS, VERSION, Hello, Message, apart
 
 
 class Roster:
@@ -155,8 +154,7 @@ class Roster:
         return [*out, self._hello(wants_answer=True)] if ungreeted else out
 
     def _hello(self, *, wants_answer: bool) -> Send:
-        hello = Hello(self.problem, VERSION, self.names[self.head], wants_answer)
-        return Send(hello)
+        return Send(Hello(self.problem, VERSION, self.names[self.head], wants_answer))
 
     def _mismatch(self, hello: Hello) -> str:
         if hello.version != VERSION:

@@ -59,15 +59,13 @@ class Liveness:
         return max((gaps[0] for gaps in self._gaps.values() if len(gaps) > 1), default=0.0)
 
 
-GRACE_S = 2.0
-"""Who was heard since so long ago speaks: four pulses, and twice the lease of links."""
+GRACE_S = 2.0  # who was heard since so long ago speaks: four pulses, and twice the lease of links
 
 HUNG_S = 8.0
 """Who is not heard for so long is stopped, and counts as dead: longer than any pause that
 people make by accident, and short beside a print."""
 
-START_LIMIT_S = 180.0
-"""To load the problem and compile; a head that takes longer is fenced."""
+START_LIMIT_S = 180.0  # to load the problem and compile; a head that takes longer is fenced
 
 UNHEARD_S = 12.0
 """Until the first sign of life of a process, and a second more for each head. Once another
@@ -94,8 +92,7 @@ FOLLOW_LIMIT_S = 5.0
 """From the first release to the last: by then every live head has agreed, so one
 that says nothing any more is dead or stopped."""
 
-AFTER_FENCE_S = 3.0
-"""What is left to agree on after a head was given up, at least."""
+AFTER_FENCE_S = 3.0  # what is left to agree on after a head was given up, at least
 
 MEET_S = 3.0
 """Agents that speak but miss each other for so long meet elsewhere, at most `MOST_MOVES` times."""

@@ -31,12 +31,8 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 PORTS = range(10_000, 32_768)  # outgoing connections get 32768 and more on Linux, 49152 elsewhere
-LONGEST = 96
-"""Bytes of a socket's path: systems allow 104 or 108."""
-
-YOUNG_S = 60.0
-"""A folder without a lock may be so old: its launcher is about to take the lock."""
-
+LONGEST = 96  # bytes of a socket's path: systems allow 104 or 108
+YOUNG_S = 60.0  # a folder without a lock may be so old: its launcher is about to take the lock
 _PREFIX = "decmcts-bus-"
 _LOCK = "launcher"
 
@@ -66,10 +62,7 @@ class Places:
     def fresh(self) -> tuple[str, ...]:
         """Return places, one a head, where nobody met yet: sockets and ports in turn.
 
-        Raises
-        ------
-        OSError
-            If there are neither sockets nor free ports.
+        OSError if there are neither sockets nor free ports.
         """
         self._made += 1
         folder = self._folder() if self._made % 2 else None
@@ -157,15 +150,10 @@ def remove_left(meeting: Meeting | None) -> None:
 
 
 def free_ports(n: int, ports: range = PORTS) -> tuple[int, ...]:
-    """Return `n` different loopback ports that are free now and likely stay so.
+    """Return `n` loopback ports that are free now and likely stay so; OSError if there are less.
 
     Systems give higher ones to outgoing connections: those of agents that try to reach a
     peer could take its port before it listens there.
-
-    Raises
-    ------
-    OSError
-        If there are not so many.
     """
     found: list[int] = []
     with ExitStack() as stack:

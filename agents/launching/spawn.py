@@ -17,7 +17,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ class Crew:
     def __init__(self, heads: int, command: Sequence[str] = EXTRUDER) -> None:
         self.received: queue.Queue[AgentLine]  # what they write
         self._heads, self._command = heads, (*command, PIPED)
-        self._agents: dict[int, AgentProcess] = {}
+        self.agents: dict[int, AgentProcess] = {}  # by head
         self._begun = False
 
     def __len__(self) -> int:
@@ -50,22 +50,19 @@ class Crew:
 
     def __enter__(self) -> Self:
         """Start the processes, unless they are started already."""
-        if not self._agents:
+        if not self.agents:
             self.received = queue.Queue()
             try:
                 for head in range(self._heads):
-                    self._agents[head] = AgentProcess(head, self._command, self.received.put)
+                    self.agents[head] = AgentProcess(head, self._command, self.received.put)
             except BaseException:  # no `__exit__` comes behind this
-                self._end()
+                self.__exit__()
                 raise
         return self
 
     def __exit__(self, *error: object) -> None:
         """End all of them, once."""
-        self._end()
-
-    def _end(self) -> None:
-        agents, self._agents = list(self._agents.values()), {}
+        agents, self.agents = list(self.agents.values()), {}
         begun, self._begun = self._begun, False
         for agent in agents:
             if begun:
@@ -75,23 +72,17 @@ class Crew:
         for agent in agents:
             agent.reap()
 
-    @property
-    def agents(self) -> Mapping[int, AgentProcess]:
-        """The processes, by head."""
-        return self._agents
-
     def begin(self, arguments: Sequence[str], meeting: Meeting | None) -> None:
         """Hand these arguments, its own head and where they meet to every agent."""
         self._begun = True
-        for head, agent in self._agents.items():
+        for head, agent in self.agents.items():
             agent.begin([*arguments, "--head", str(head)], meeting)
 
     def start_again(self, head: int, arguments: Sequence[str], meeting: Meeting | None) -> None:
         """Start a process in the place of one that ended, and hand it its arguments."""
-        self._agents[head].reap()
-        agent = AgentProcess(head, self._command, self.received.put)
-        self._agents[head] = agent
-        agent.begin([*arguments, "--head", str(head)], meeting)
+        self.agents[head].reap()
+        self.agents[head] = AgentProcess(head, self._command, self.received.put)
+        self.agents[head].begin([*arguments, "--head", str(head)], meeting)
 
 
 OnStart = Callable[[Mapping[int, int]], None]
@@ -134,12 +125,8 @@ def run_agents(
     Seconds of `stopping` count from when all agents are ready; ten times a second it is polled
     whether to agree on the best so far. Iterations cannot be limited.
 
-    Raises
-    ------
-    LaunchError
-        If there is no plan.
-    ValueError
-        If there is no limit of seconds, or one of iterations.
+    LaunchError if there is no plan; ValueError without a limit of seconds, or with one of
+    iterations.
     """
     if stopping.seconds is None or stopping.iterations is not None:
         raise ValueError("agents plan by the clock: limit seconds, and no iterations")
@@ -180,16 +167,11 @@ def run_agents(
         except LaunchError as error:
             error.agents = tuple(supervisor.status)
             raise
-    return _agreement(released, tuple(supervisor.status))
+    plans = {int(h): np.array(plan, np.int32) for h, plan in released["plans"].items()}
+    makespan_s, digest, live = (released[name] for name in ("makespan_s", "digest", "live"))
+    return Agreement(plans, makespan_s, digest, tuple(live), tuple(supervisor.status))
 
 
 def _planning_arguments(time_limit_s: float, seed: int, epoch: int) -> list[str]:
     own = ["--time-limit", repr(time_limit_s), "--seed", str(seed), "--epoch", str(epoch)]
     return ["--controlled", *own]
-
-
-def _agreement(released: dict[str, Any], status: tuple[AgentStatus, ...]) -> Agreement:
-    plans = {int(h): np.array(plan, np.int32) for h, plan in released["plans"].items()}
-    return Agreement(
-        plans, released["makespan_s"], released["digest"], tuple(released["live"]), status
-    )

@@ -11,6 +11,7 @@ agent that is not fenced released the same digest. No planning here.
 
 from __future__ import annotations
 
+import math
 import queue
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,16 +20,11 @@ from typing import Any
 
 from agents.launching import liveness
 from agents.launching.processes import AgentLine, AgentProcess
-from agents.launching.status import (
-    REPORTED,
-    AgentStatus,
-    LaunchError,
-    OnProgress,
-    StartAgain,
-)
+from agents.launching.status import REPORTED, AgentStatus, LaunchError, OnProgress, StartAgain
 from decmcts.search.sequence.stopping import Stopping
 
 _POLL_S = 0.1
+_NEVER = math.inf  # when something happened that has not happened yet
 
 
 class Supervisor:
@@ -55,7 +51,7 @@ class Supervisor:
         self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
         self._agents, self._names, self._received = agents, names, received
         self._released: dict[int, dict[str, Any]] = {}
-        self._released_since: float | None = None  # by the first agent
+        self._released_since = _NEVER  # by the first agent
         self._ready: set[int] = set()
         self._misses: dict[tuple[int, int], float] = {}  # who misses whom -> since when
         self._liveness = liveness.Liveness()
@@ -68,22 +64,16 @@ class Supervisor:
         self._again: dict[int, float] = {}  # heads that were started again -> when
         self._clock = clock
         self._started = clock()
-        self._first_ready_at: float | None = None
-        self._met_at: float | None = None
-        self._over_at: float | None = None  # planning, by the first agent's word
-        self._fenced_at = self._moved_at = -float("inf")
+        self._first_ready_at = self._met_at = _NEVER
+        self._over_at = _NEVER  # planning, by the first agent's word
+        self._fenced_at = self._moved_at = -math.inf
 
     def run(self) -> dict[str, Any]:
         """Return the `released` line all unfenced agents agree on.
 
         Ctrl-C ends planning, and so does `stopping` once it is asked to: the agents then
-        agree on the best so far. Ctrl-C after that goes on to the caller.
-
-        Raises
-        ------
-        LaunchError
-            If no agent is left, an agent holds another problem, or all was stopped
-            before they knew one another.
+        agree on the best so far. Ctrl-C after that goes on to the caller. LaunchError if no agent
+        is left, one holds another problem, or all was stopped before they knew one another.
         """
         while True:
             try:
@@ -101,24 +91,16 @@ class Supervisor:
     def stop(self) -> None:
         """Ask every agent, once, to end planning and agree on the best so far.
 
-        Raises
-        ------
-        LaunchError
-            If an agent does not know all others yet: it would take them for lost.
+        LaunchError if an agent does not know all others yet: it would take them for lost.
         """
         if not self._is_stopped:
             self._is_stopped = True
-            self._over_at = self._over_at or self._clock()
-            if not self._have_met():
+            self._over_at = min(self._over_at, self._clock())
+            known = [self.status[head] for head in self._unfenced()]
+            heads = {status.head for status in known}
+            if self._met_at == _NEVER and not all(s.rounds or heads <= set(s.live) for s in known):
                 raise LaunchError("stopped before the agents had found one another")
             self._send_to_all({"command": "stop"})
-
-    def _have_met(self) -> bool:
-        """Tell whether every agent planned, or knows all it will plan with."""
-        heads = self._unfenced()
-        return self._met_at is not None or all(
-            self.status[h].rounds > 0 or set(heads) <= set(self.status[h].live) for h in heads
-        )
 
     def _send_to_all(self, command: dict[str, Any]) -> None:
         for head in self._unfenced():
@@ -162,15 +144,12 @@ class Supervisor:
             return
         # Loading and compiling say nothing of rounds.
         self._liveness.take_word(head, now, plans=self.status[head].rounds > 0)
-        self._receive(head, line)
-
-    def _receive(self, head: int, line: dict[str, Any]) -> None:
         match line:
             case {"event": "ready"}:
                 self._ready.add(head)
-                if self._over_at is not None:  # the others waited for it alone
-                    self._over_at = self._clock()
-                self._first_ready_at = self._first_ready_at or self._clock()
+                if self._over_at < _NEVER:  # the others waited for it alone
+                    self._over_at = now
+                self._first_ready_at = min(self._first_ready_at, now)
                 self._update(head, phase="waiting")
             case {"event": "progress"}:
                 self._progress(head, line)
@@ -182,12 +161,12 @@ class Supervisor:
                 self._miss(head, heads)
             case {"event": "shut", "reason": reason}:
                 self._update(head, note=reason)
-                if self._clock() - self._moved_at > liveness.GRACE_S:
+                if now - self._moved_at > liveness.GRACE_S:
                     self._move()
             case {"event": "released"}:
                 self._released[head] = line
-                self._released_since = self._released_since or self._clock()
-                self._over_at = self._over_at or self._clock()
+                self._released_since = min(self._released_since, now)
+                self._over_at = min(self._over_at, now)
                 self._update(head, phase="released")
 
     def _progress(self, head: int, line: dict[str, Any]) -> None:
@@ -197,24 +176,20 @@ class Supervisor:
         reported = {name: line[name] for name in REPORTED} | line["traffic"]
         self._update(head, live=tuple(line["live"]), history=history, **reported)
         if line["phase"] != "planning":
-            self._over_at = self._over_at or self._clock()
+            self._over_at = min(self._over_at, self._clock())
 
     def _update(self, head: int, **changes: Any) -> None:
         self.status[head] = replace(self.status[head], **changes)
 
-    def fence(self, head: int, why: str, *, ended: bool = False) -> None:
-        """Make sure a head does nothing any more, then tell the others.
-
-        The reason that is kept is how the process `ended` of its own, else ours.
-        """
+    def fence(self, head: int, why: str) -> None:
+        """Make sure a head does nothing any more, then tell the others."""
         if head in self.fenced or head not in self._agents:
             return
-        ending = self._agents[head].ending() if ended else ""
         self._agents[head].kill()
         self.fenced.add(head)
         self._fenced_at = self._clock()
         self._released.pop(head, None)
-        self._update(head, phase="lost", note=ending or why)
+        self._update(head, phase="lost", note=why)
         self._send_to_all(self._fence_command(head))
 
     def _fence_command(self, head: int) -> dict[str, Any]:
@@ -227,18 +202,17 @@ class Supervisor:
         if head in self.fenced:
             return
         agent, now = self._agents[head], self._clock()
-        died = agent.died() and not self._is_over(now) and head not in self._again
-        if not died:
-            self.fence(head, "its process ended", ended=True)
-            return
         ending = agent.ending()
+        if self._is_over(now) or head in self._again or not agent.died():
+            self.fence(head, ending or "its process ended")
+            return
         self._epochs[head] += 1
         self._again[head] = now
         self._ready.discard(head)
         self._liveness.forget(head)
         self._update(head, phase="starting", live=(), stuck=False, note=ending, again=ending)
-        left_s = self._limit_s - (now - self._met_at if self._met_at is not None else 0.0)
-        self._start_again(head, self._epochs[head], max(left_s, 0.0), self._places)
+        left_s = max(0.0, self._limit_s - max(0.0, now - self._met_at))
+        self._start_again(head, self._epochs[head], left_s, self._places)
         for other in self.fenced:
             self._agents[head].send(self._fence_command(other))
 
@@ -266,7 +240,7 @@ class Supervisor:
             return
         accuser = min((head for head, _ in overdue), key=lambda h: _rank(self._group(h)))
         missed = sorted(other for head, other in overdue if head == accuser)
-        if not self._move() and self._met_at is not None and not self._is_over(now):
+        if not self._move() and self._met_at < _NEVER and not self._is_over(now):
             return  # they plan apart; there is time to find each other
         if now - self._moved_at >= patience_s:
             self._fence_weaker(accuser, missed)
@@ -305,17 +279,14 @@ class Supervisor:
         if waiting:
             self._enforce_start(waiting, now)
             return
-        if self._met_at is None and not any(map(self._missing, self._unfenced())):
+        if self._met_at == _NEVER and not any(map(self._missing, self._unfenced())):
             self._met_at = now
-        if self._is_over(now) or self._met_at is None:
+        if self._is_over(now) or self._met_at == _NEVER:
             for head in self._unfenced():
                 if self._liveness.is_hung(head, now):
                     self.fence(head, f"it said nothing for {liveness.HUNG_S:g} s")
         self._settle_misses(now)
-        if (
-            self._released_since is not None
-            and now - self._released_since > liveness.FOLLOW_LIMIT_S
-        ):
+        if now - self._released_since > liveness.FOLLOW_LIMIT_S:
             self._fence_silent(f"silent {liveness.FOLLOW_LIMIT_S:g} s after a release")
         else:
             self._enforce_agreement(now)
@@ -325,7 +296,7 @@ class Supervisor:
         for head in sorted(waiting):
             since = self._again.get(head, self._started)
             until = since + liveness.UNHEARD_S + heads
-            if self._first_ready_at is not None and head not in self._again:
+            if head not in self._again:
                 until = min(until, self._first_ready_at + liveness.HUNG_S + heads / 2)
             if head in self._again and self._is_over(now, liveness.RETURN_S):
                 self.fence(head, f"{self.status[head].again}, and not back in time")
@@ -338,22 +309,18 @@ class Supervisor:
 
     def _is_over(self, now: float, since_s: float = 0.0) -> bool:
         """Whether planning has ended so long ago, by an agent's word or by the clock."""
-        ends = [] if self._met_at is None else [self._met_at + self._limit_s]
-        ends += [] if self._over_at is None else [self._over_at]
-        return bool(ends) and now - since_s >= min(ends)
+        return now - since_s >= min(self._met_at + self._limit_s, self._over_at)
 
     def _enforce_agreement(self, now: float) -> None:
         """Give up agents that keep all from a release: first those that still plan."""
-        if self._over_at is None:
-            if (
-                self._met_at is not None
-                and now - self._met_at > self._limit_s + liveness.LATE_LIMIT_S
-            ):
-                self._fence_silent(
-                    f"not done {liveness.LATE_LIMIT_S:g} s after the time for planning"
-                )
+        late_s = liveness.LATE_LIMIT_S
+        if self._over_at == _NEVER:
+            if now - self._met_at > self._limit_s + late_s:
+                self._fence_silent(f"not done {late_s:g} s after the time for planning")
             return
-        limit_s = self.agree_limit_s()
+        heads_s = liveness.AGREE_HEAD_S * max(0, len(self._names) - 2)
+        rounds_s = liveness.AGREE_ROUNDS * self._liveness.longest_round_s()
+        limit_s = max(liveness.AGREE_LIMIT_S + heads_s, rounds_s)
         if now < max(self._over_at + limit_s, self._fenced_at + liveness.AFTER_FENCE_S):
             return
         why = f"no agreement {limit_s:.0f} s after planning"
@@ -363,14 +330,6 @@ class Supervisor:
             self.fence(head, why)
         if not late or len(late) == len(heads):
             self._fence_silent(why)
-
-    def agree_limit_s(self) -> float:
-        """Return how long agents may take to agree, by what is known of their rounds."""
-        heads_s = liveness.AGREE_HEAD_S * max(0, len(self._names) - 2)
-        return max(
-            liveness.AGREE_LIMIT_S + heads_s,
-            liveness.AGREE_ROUNDS * self._liveness.longest_round_s(),
-        )
 
     def _fence_silent(self, why: str) -> None:
         for head in sorted(set(self._unfenced()) - self._released.keys()):

@@ -12,57 +12,21 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from typing import Protocol as Interface
 
-from agents.agreeing.events import (
-    Effect,
-    Forget,
-    Leave,
-    LiveChanged,
-    LogNote,
-    Notice,
-    Phase,
-    PlanningEnded,
-    PlanReleased,
-    PlanResolved,
-    Propose,
-    ProtocolEvent,
-    Resolve,
-    RosterComplete,
-    Send,
-    Take,
-    Tick,
-)
+from agents.agreeing import events
 from agents.agreeing.protocol import Protocol
 from agents.loop.offers import Offers
+from agents.messages import kinds
 from agents.messages.codec import decode, encode, kind_of
-from agents.messages.kinds import (
-    DROPPABLE,
-    MAX_SILENCE_TICKS,
-    SILENCE_TICKS,
-    Distribution,
-    Envelope,
-    Joint,
-    Message,
-    MessageError,
-    Plans,
-    Presence,
-)
 from agents.networks.transport import MALFORMED, Packet, Traffic, Transport
 from decmcts.errors import InputError
 
 if TYPE_CHECKING:  # numba loads with it
     from agents.planners.team_planner import DecMctsPlanner
 
-TICK_S = 0.1
-"""How often what may have been lost is said again."""
-
-SHARE_S = 0.05
-"""At most so often a distribution goes out: 20 a second."""
-
-LONGER = 4.0
-"""Times our longest round yet: so long we may be silent before we count as stuck."""
-
+TICK_S = 0.1  # how often what may have been lost is said again
+SHARE_S = 0.05  # at most so often a distribution goes out: 20 a second
+LONGER = 4.0  # times our longest round yet: so long we may be silent before we count as stuck
 PROGRESS_S = 0.5
 WAIT_S = 0.02
 
@@ -88,16 +52,25 @@ class Meet:
     places: tuple[str, ...]
 
 
-class FrontEnd(Interface):
+class FrontEnd:
     """Who watches and commands one agent: a launcher, a terminal or a test."""
 
-    def commands(self) -> list[ProtocolEvent | Meet]:
+    def __init__(self) -> None:
+        self.asked: list[events.ProtocolEvent | Meet] = []
+
+    def ask(self, event: events.ProtocolEvent) -> None:
+        """Queue a command of this process itself (a signal)."""
+        self.asked.append(event)
+
+    def commands(self) -> list[events.ProtocolEvent | Meet]:
         """Return what was asked since the last call."""
+        asked, self.asked = self.asked, []
+        return asked
 
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Show where the agent stands."""
 
-    def notify(self, effect: Notice) -> None:
+    def notify(self, effect: events.Notice) -> None:
         """Show one event worth a line."""
 
 
@@ -127,12 +100,12 @@ class Agent:
         clock: Callable[[], float],
         wait_s: float = 60.0,
         fenced: tuple[int, ...] = (),
-        silence_s: float = SILENCE_TICKS * TICK_S,
+        silence_s: float = kinds.SILENCE_TICKS * TICK_S,
         traffic: Traffic | None = None,
     ) -> None:
         self.protocol = Protocol(head, epoch, planner.names, planner.problem, fenced=fenced)
         self.traffic = Traffic() if traffic is None else traffic
-        self.released: PlanReleased | None = None
+        self.released: events.PlanReleased | None = None
         self.rounds = 0
         self._head, self._epoch, self._seq = head, epoch, 0
         self._planner, self._transport, self._front = planner, transport, front
@@ -152,7 +125,7 @@ class Agent:
     @property
     def done(self) -> bool:
         """Whether we left the team."""
-        return self.protocol.phase is Phase.LEFT
+        return self.protocol.phase is events.Phase.LEFT
 
     def step(self) -> None:
         """Take in what arrived, plan one round or wait a little, speak if it is time."""
@@ -172,17 +145,18 @@ class Agent:
     def _is_planning(self) -> bool:
         """Whether there is something to compute: not before the heads are there."""
         started = self._clock() >= self._start and not self._stuck
-        return started and self.protocol.phase is Phase.PLANNING
+        return started and self.protocol.phase is events.Phase.PLANNING
 
     def leave(self, reason: str) -> None:
         """Say goodbye; `done` from now on."""
-        self._feed(Leave(reason))
+        self._feed(events.Leave(reason))
 
     def _plan(self) -> None:
         before = self._clock()
         try:
             self._judge_offer(before)
-            self._planner.iterate(self._live, self._spent(before))
+            spent = (before - self._start) / self._limit_s if self._limit_s > 0.0 else 1.0
+            self._planner.iterate(self._live, min(1.0, spent))
         except InputError as error:
             self._get_stuck(error)
             return
@@ -191,10 +165,6 @@ class Agent:
         self._round_s = now - before
         if len(self._live) > 1:
             self._share(now)
-
-    def _spent(self, now: float) -> float:
-        """Return the share of the time for planning that is over, 0..1."""
-        return min(1.0, (now - self._start) / self._limit_s) if self._limit_s > 0.0 else 1.0
 
     def _judge_offer(self, now: float) -> None:
         """Let the planner judge what a peer sent, if it claims to be better than ours."""
@@ -206,7 +176,7 @@ class Agent:
         head, joint = offer
         try:
             self._planner.offer(joint.plans, self._live)
-        except MessageError as error:
+        except kinds.MessageError as error:
             self.drop(f"joint plan of head {head} does not fit", str(error))
         self._offers.judged(now, self._clock())
 
@@ -224,17 +194,17 @@ class Agent:
         # The live heads cannot print everything. Nothing to do but wait for the
         # others to come back, or for the launcher to give up.
         self._stuck = True
-        self._front.notify(LogNote(str(error)))
+        self._front.notify(events.LogNote(str(error)))
 
     def _keep_time(self) -> None:
         now = self._clock()
         # A round cannot be cut short: end at the end that is nearer to the limit.
         end = self._start + self._limit_s - self._round_s / 2
-        if now >= end and self.protocol.phase is Phase.PLANNING:
-            self._feed(PlanningEnded())
+        if now >= end and self.protocol.phase is events.Phase.PLANNING:
+            self._feed(events.PlanningEnded())
         if now - self._ticked >= TICK_S:
             self._ticked = now
-            self._feed(Tick(self._within()))
+            self._feed(events.Tick(self._within()))
         if now - self._shown >= PROGRESS_S:
             self._shown = now
             self.show()
@@ -242,7 +212,7 @@ class Agent:
     def _within(self) -> int:
         """Return within how many ticks peers hear of us again, unless we are stuck."""
         seconds = max(self._silence_s, LONGER * self._longest_s)
-        return min(math.ceil(seconds / TICK_S), MAX_SILENCE_TICKS)
+        return min(math.ceil(seconds / TICK_S), kinds.MAX_SILENCE_TICKS)
 
     def show(self) -> None:
         """Report progress to the front end."""
@@ -269,31 +239,32 @@ class Agent:
         except InputError:
             return float("inf")  # the next round of planning says why
 
-    def _arrive(self, arrival: Packet | Presence) -> None:
-        if isinstance(arrival, Presence):
+    def _arrive(self, arrival: Packet | kinds.Presence) -> None:
+        if isinstance(arrival, kinds.Presence):
             self._feed(arrival)
             return
         try:
             envelope = decode(arrival.payload, self._planner.most_symbols)
-            if (envelope.stamp.head, kind_of(envelope.message)) != (arrival.head, arrival.kind):
-                raise MessageError("message of another head or kind than its key")
-        except MessageError as error:
+            if (envelope.head, kind_of(envelope.message)) != (arrival.head, arrival.kind):
+                raise kinds.MessageError("message of another head or kind than its key")
+        except kinds.MessageError as error:
             # A peer's bad message is dropped, counted and logged, never fatal.
             self.drop(f"{MALFORMED} message of head {arrival.head}", str(error))
             return
-        self.traffic.count_received(arrival.kind, len(arrival.payload))
+        self.traffic.received[arrival.kind] += 1
+        self.traffic.received_bytes[arrival.kind] += len(arrival.payload)
         self._feed(envelope)
 
     def drop(self, reason: str, detail: str = "") -> None:
         """Count a message that is dropped; log the first of each reason."""
         self.traffic.dropped[reason] += 1
         if self.traffic.dropped[reason] == 1:
-            self._front.notify(LogNote(f"dropped: {reason} {detail}".rstrip()))
+            self._front.notify(events.LogNote(f"dropped: {reason} {detail}".rstrip()))
 
-    def _feed(self, event: ProtocolEvent) -> None:
+    def _feed(self, event: events.ProtocolEvent) -> None:
         self._perform(self.protocol.handle(event))
 
-    def _perform(self, effects: list[Effect]) -> None:
+    def _perform(self, effects: list[events.Effect]) -> None:
         # Effects may answer with events whose effects come after those at hand.
         waiting = deque(effects)
         while waiting:
@@ -301,23 +272,23 @@ class Agent:
             if answer is not None:
                 waiting.extend(self.protocol.handle(answer))
 
-    def _do(self, effect: Effect) -> ProtocolEvent | None:
+    def _do(self, effect: events.Effect) -> events.ProtocolEvent | None:
         match effect:
-            case Send(message):
+            case events.Send(message):
                 self._send(message)
-            case Take(head, message):
+            case events.Take(head, message):
                 self._take(head, message)
-            case Forget(head):
+            case events.Forget(head):
                 self._planner.forget(head)
-            case LiveChanged(live):
+            case events.LiveChanged(live):
                 self._live, self._stuck = live, False
-            case RosterComplete():
+            case events.RosterComplete():
                 self._start = min(self._start, self._clock())
-            case Propose(live, serial):
+            case events.Propose(live, serial):
                 return self._propose(live, serial=serial)
-            case Resolve(live, plans, claimed):
-                return self._resolve(live, plans, claimed)
-            case PlanReleased():
+            case events.Resolve():
+                return self._resolve(effect)
+            case events.PlanReleased():
                 self.released = effect
                 self.show()
                 self._front.notify(effect)
@@ -325,7 +296,7 @@ class Agent:
                 self._front.notify(effect)
         return None
 
-    def _propose(self, live: tuple[int, ...], *, serial: bool) -> ProtocolEvent | None:
+    def _propose(self, live: tuple[int, ...], *, serial: bool) -> events.ProtocolEvent | None:
         if self._agreeing_since is None:
             self._agreeing_since = self._clock()
         try:
@@ -334,30 +305,31 @@ class Agent:
             self._get_stuck(error)
             return None
 
-    def _take(self, head: int, message: Distribution | Joint) -> None:
-        if isinstance(message, Joint):  # judging it costs time: not each, and not at once
+    def _take(self, head: int, message: kinds.Distribution | kinds.Joint) -> None:
+        if isinstance(message, kinds.Joint):  # judging it costs time: not each, and not at once
             self._offers.add(head, message)
             return
         try:
             self._planner.take(head, message)
-        except MessageError as error:
+        except kinds.MessageError as error:
             self.drop(f"distribution of head {head} does not fit", str(error))
 
-    def _resolve(self, live: tuple[int, ...], plans: Plans, claimed: str) -> ProtocolEvent:
+    def _resolve(self, asked: events.Resolve) -> events.PlanResolved:
         try:
-            found = self._planner.resolve(plans, live)
-        except (MessageError, InputError) as error:
+            found = self._planner.resolve(asked.plans, asked.live)
+        except (kinds.MessageError, InputError) as error:
             self.drop("plan does not fit", str(error))
-            return PlanResolved(live, claimed, "", 0.0)
-        return PlanResolved(live, claimed, found.digest, found.makespan_s)
+            return events.PlanResolved(asked.live, asked.claimed, "", 0.0)
+        return events.PlanResolved(asked.live, asked.claimed, found.digest, found.makespan_s)
 
-    def _send(self, message: Message) -> None:
+    def _send(self, message: kinds.Message) -> None:
         self._seq += 1
         try:
-            payload = encode(Envelope.of(self._head, self._epoch, self._seq, message))
-        except MessageError as error:
+            payload = encode(kinds.Envelope(self._head, self._epoch, self._seq, message))
+        except kinds.MessageError as error:
             self.drop("own message too large", str(error))
             return
         kind = kind_of(message)
-        self.traffic.count_sent(kind, len(payload))
-        self._transport.send(kind, payload, reliable=not isinstance(message, DROPPABLE))
+        self.traffic.sent[kind] += 1
+        self.traffic.sent_bytes[kind] += len(payload)
+        self._transport.send(kind, payload, reliable=not isinstance(message, kinds.DROPPABLE))

@@ -9,17 +9,13 @@ from __future__ import annotations
 
 from agents.messages.kinds import Joint
 
-JUDGE_S = 0.5
-"""At most so often such a plan is judged: twice a second."""
+JUDGE_S = 0.5  # at most so often such a plan is judged: twice a second
 
 JUDGING = 0.2
 """At most this share of the time goes into judging: of a large print a plan takes a second."""
 
-SEND_S = 1.0
-"""At most so often our own best is sent."""
-
-REPEAT_S = 5.0
-"""So often it is sent again though it is no better: messages may be lost."""
+SEND_S = 1.0  # at most so often our own best is sent
+REPEAT_S = 5.0  # so often it is sent again though it is no better: messages may be lost
 
 
 class Offers:

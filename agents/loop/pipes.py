@@ -20,52 +20,38 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
-from agents.agreeing.events import (
-    HeadFenced,
-    Leave,
-    Left,
-    LogNote,
-    Notice,
-    PlanningEnded,
-    PlanReleased,
-    ProtocolEvent,
-    Refused,
-    Unfenced,
-)
-from agents.loop.agent import AgentProgress, Meet
+from agents.agreeing import events
+from agents.loop.agent import AgentProgress, FrontEnd, Meet
 from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
 from decmcts.formats.files.names import harmless
 
-_NAMES: dict[type[Notice], str] = {
-    LogNote: "note", Refused: "refused", Unfenced: "unfenced", PlanReleased: "released",
-    Left: "left",
+_NAMES: dict[type[events.Notice], str] = {
+    events.LogNote: "note", events.Refused: "refused", events.Unfenced: "unfenced",
+    events.PlanReleased: "released", events.Left: "left",
 }  # fmt: skip
 _MAX_LINE = 65536
 _WATCH_MS = 100
 PULSE_S = 0.5
-LEAVE_S = 3.0
-"""So long an agent has to take leave after its launcher is gone, whatever it computes."""
+LEAVE_S = 3.0  # so long an agent has to take leave after its launcher is gone, whatever it computes
 
 
-class PipeFront:
+class PipeFront(FrontEnd):
     """A front end over file descriptors."""
 
     def __init__(
-        self,
-        read_fd: int = 0,
-        write_fd: int = 1,
-        parse: Callable[[bytes], Any] | None = None,
+        self, read_fd: int = 0, write_fd: int = 1, parse: Callable[[bytes], Any] | None = None
     ) -> None:
+        super().__init__()
         self._read_fd, self._write_fd = read_fd, write_fd
         self._parse = parse_command if parse is None else parse  # of lines of another launcher
         self._rest = b""
         self._open = True
-        self._asked: list[ProtocolEvent | Meet] = []
         self._is_ready = threading.Event()
         self._writing = threading.Lock()
         self.sweep: Callable[[], None] = lambda: None  # before the process ends itself
@@ -104,10 +90,7 @@ class PipeFront:
     def arguments(self) -> list[str] | None:
         """Wait for the launcher to hand over this agent's command line; None: it ends us.
 
-        Raises
-        ------
-        InputError
-            If the first line is anything else, or names no place to meet.
+        InputError if the first line is anything else, or names no place to meet.
         """
         while b"\n" not in self._rest and len(self._rest) < _MAX_LINE:
             chunk = os.read(self._read_fd, _MAX_LINE)
@@ -116,19 +99,19 @@ class PipeFront:
             self._rest += chunk
         line, _, self._rest = self._rest.partition(b"\n")
         self._take(b"")
-        words, self.meeting = parse_arguments(line)
-        if words is None and not isinstance(parse_command(line), Leave):
-            raise InputError(
-                "the first line on stdin hands over no arguments",
-                advice='write {"command": "begin", "arguments": [...]}',
-            )
-        return words
+        match any_command(line):
+            case {"command": "exit"}:
+                return None
+            case {"command": "begin", "arguments": [*words], **more}:
+                if "meeting" in more:
+                    self.meeting = Meeting.from_dict(more["meeting"])
+                return [str(word) for word in words]
+        raise InputError(
+            "the first line on stdin hands over no arguments",
+            advice='write {"command": "begin", "arguments": [...]}',
+        )
 
-    def ask(self, event: ProtocolEvent) -> None:
-        """Queue a command of this process itself (a signal)."""
-        self._asked.append(event)
-
-    def commands(self) -> list[ProtocolEvent | Meet]:
+    def commands(self) -> list[events.ProtocolEvent | Meet]:
         """Return what the launcher or a signal asked since the last call."""
         # select + os.read instead of a reader thread: a thread blocked in a
         # buffered read aborts the interpreter's shutdown.
@@ -136,10 +119,9 @@ class PipeFront:
             chunk = os.read(self._read_fd, _MAX_LINE)
             if not chunk:
                 self._open = False
-                self.ask(Leave("the launcher is gone"))
+                self.ask(events.Leave("the launcher is gone"))
             self._take(chunk)
-        asked, self._asked = self._asked, []
-        return asked
+        return super().commands()
 
     def shut(self, reason: str) -> None:
         """Say that we cannot meet the others where we were told to."""
@@ -148,7 +130,7 @@ class PipeFront:
     def _take(self, chunk: bytes) -> None:
         """Take the commands of all lines that are complete."""
         *lines, self._rest = (self._rest + chunk).split(b"\n")
-        self._asked += [event for line in lines if (event := self._parse(line))]
+        self.asked += [event for line in lines if (event := self._parse(line))]
 
     def ready(self, problem: str) -> None:
         """Say that the problem is loaded and the network open."""
@@ -159,7 +141,7 @@ class PipeFront:
         """Say where the agent stands."""
         self.write({"event": "progress", **asdict(progress), "traffic": traffic.counts()})
 
-    def notify(self, effect: Notice) -> None:
+    def notify(self, effect: events.Notice) -> None:
         """Say one event."""
         self.write(line_of(effect))
 
@@ -172,59 +154,30 @@ class PipeFront:
                     view = view[os.write(self._write_fd, view) :]
         except BrokenPipeError:
             self._open = False
-            self.ask(Leave("the launcher is gone"))
+            self.ask(events.Leave("the launcher is gone"))
 
 
-class TerminalFront:
-    """A front end for a person who runs one agent by hand."""
-
-    def __init__(self) -> None:
-        self._asked: list[ProtocolEvent | Meet] = []
-
-    def ask(self, event: ProtocolEvent) -> None:
-        """Queue a command (a signal)."""
-        self._asked.append(event)
-
-    def commands(self) -> list[ProtocolEvent | Meet]:
-        """Return what signals asked since the last call."""
-        asked, self._asked = self._asked, []
-        return asked
+class TerminalFront(FrontEnd):
+    """A front end for a person who runs one agent by hand: a log without progress."""
 
     def ready(self, problem: str) -> None:
         """Say that the agent is up."""
         print(f"problem {problem[:12]} loaded", file=sys.stderr)
 
-    def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
-        """Say nothing: the notes and the result are enough for a log."""
-
-    def notify(self, effect: Notice) -> None:
+    def notify(self, effect: events.Notice) -> None:
         """Print one line."""
         match effect:
-            case LogNote(text):
+            case events.LogNote(text):
                 line = text
-            case Refused(_, reason):
+            case events.Refused(_, reason):
                 line = f"refused: {reason}"
-            case Unfenced(heads):
+            case events.Unfenced(heads):
                 line = f"agreed, but heads {list(heads)} are neither here nor fenced: not released"
-            case PlanReleased():
+            case events.PlanReleased():
                 line = f"released plan {effect.digest}, makespan {effect.makespan_s:.1f} s"
-            case Left(reason):
+            case events.Left(reason):
                 line = f"left: {reason}"
         print(harmless(line), file=sys.stderr)
-
-
-def parse_arguments(line: bytes) -> tuple[list[str] | None, Meeting | None]:
-    """Return the command line and the meeting that a first line hands over, None for either."""
-    try:
-        stated = json.loads(line)
-    except ValueError:
-        return None, None
-    match stated:
-        case {"command": "begin", "arguments": [*words], "meeting": where}:
-            return [str(word) for word in words], Meeting.from_dict(where)
-        case {"command": "begin", "arguments": [*words]}:
-            return [str(word) for word in words], None
-    return None, None
 
 
 def any_command(line: bytes) -> dict[str, Any] | None:
@@ -236,25 +189,22 @@ def any_command(line: bytes) -> dict[str, Any] | None:
     return found if isinstance(found, dict) else None
 
 
-def parse_command(line: bytes) -> ProtocolEvent | Meet | None:
+def parse_command(line: bytes) -> events.ProtocolEvent | Meet | None:
     """Return the event a command line stands for, None for anything else."""
-    try:
-        asked = json.loads(line)
-        match asked:
-            case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
-                return HeadFenced(head, epoch)
-            case {"command": "meet", "places": [*places]}:
+    match any_command(line):
+        case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
+            return events.HeadFenced(head, epoch)
+        case {"command": "meet", "places": [*places]}:
+            with suppress(ValueError):
                 return Meet(checked_places(places))
-            case {"command": "stop"}:
-                return PlanningEnded()
-            case {"command": "exit"}:
-                return Leave("done")
-    except ValueError:
-        pass
+        case {"command": "stop"}:
+            return events.PlanningEnded()
+        case {"command": "exit"}:
+            return events.Leave("done")
     return None
 
 
-def line_of(effect: Notice) -> dict[str, Any]:
+def line_of(effect: events.Notice) -> dict[str, Any]:
     """Return an event as a JSON object: its name, and its fields."""
     line = {name: _plain(getattr(effect, name)) for name in effect.__dataclass_fields__}
     return {"event": _NAMES[type(effect)], **line}

@@ -36,12 +36,10 @@ from agents.messages.kinds import (
     Plans,
     Proposal,
     Sequence32,
-    Stamp,
 )
-from agents.messages.rows import PLAIN, array, fields_of, integer, text
+from agents.messages.rows import PLAIN, array, fields_of, integer, text, unpacker
 
-MAX_MESSAGE_BYTES = 256 * 1024
-"""Nothing larger is sent or unpacked; zenoh drops it even earlier."""
+MAX_MESSAGE_BYTES = 256 * 1024  # nothing larger is sent or unpacked; zenoh drops it even earlier
 
 MAX_JOINT_BYTES = 128 * 1024
 """Of a joint plan told while planning: it is said often and binds nobody.
@@ -74,40 +72,28 @@ def kind_of(message: Message) -> str:
 
 
 def encode(envelope: Envelope) -> bytes:
-    """Return the bytes of a message.
-
-    Raises
-    ------
-    MessageError
-        If they would exceed `MAX_MESSAGE_BYTES`, or a joint plan `MAX_JOINT_BYTES`.
-    """
-    stamp, message = envelope.stamp, envelope.message
-    head = [kind_of(message), stamp.head, stamp.epoch, stamp.seq]
-    packed: bytes = msgpack.packb(head + _row(message), use_bin_type=True)
-    _require_size(kind_of(message), len(packed))
+    """Return the bytes of a message; MessageError if they are more than its kind may have."""
+    kind = kind_of(envelope.message)
+    head = [kind, envelope.head, envelope.epoch, envelope.seq]
+    packed: bytes = msgpack.packb(head + _row(envelope.message), use_bin_type=True)
+    _require_size(kind, len(packed))
     return packed
 
 
 def decode(data: bytes, most_symbols: int = MAX_SYMBOLS) -> Envelope:
-    """Return the message in `data`.
+    """Return the message in `data`; MessageError if that is too large or not of the schema.
 
     Sequences are unpacked only if they have no more symbols than `most_symbols` in all: what
     a message of this problem may hold. A few bytes can stand for millions.
-
-    Raises
-    ------
-    MessageError
-        If `data` is too large, no msgpack, or not of the schema.
     """
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError(f"{len(data)} bytes, limit {MAX_MESSAGE_BYTES}")
     try:
-        items = _unpack(data)
-        word, head, epoch, seq, *fields = items
+        word, head, epoch, seq, *fields = _unpack(data)
         kind = _MESSAGES[text(word)]
         _require_size(word, len(data))
-        stamp = Stamp(integer(head), integer(epoch), integer(seq))
-        return Envelope(stamp, _read(kind, fields, min(most_symbols, MAX_SYMBOLS)))
+        message = _read(kind, fields, min(most_symbols, MAX_SYMBOLS))
+        return Envelope(integer(head), integer(epoch), integer(seq), message)
     except MessageError:
         raise
     except (ValueError, KeyError, TypeError, OverflowError, zlib.error, RecursionError) as error:
@@ -121,25 +107,14 @@ def _require_size(kind: str, size: int) -> None:
 
 
 def _unpack(data: bytes) -> list[Any]:
-    # msgpack's limits bound what hostile headers can make it allocate: without
-    # them five bytes announce an array of 2^32 items.
-    unpacker = msgpack.Unpacker(
-        raw=False,
-        use_list=True,
-        strict_map_key=True,
-        max_buffer_size=MAX_MESSAGE_BYTES,
-        max_str_len=1024,
-        max_bin_len=MAX_MESSAGE_BYTES,
-        max_array_len=4 * MAX_SEQUENCES,
-        max_map_len=0,
-        max_ext_len=0,
-    )
-    unpacker.feed(data)
+    most = MAX_MESSAGE_BYTES
+    reader = unpacker(most, items=4 * MAX_SEQUENCES, text=1024, binary=most)
+    reader.feed(data)
     try:
-        items = unpacker.unpack()
+        items = reader.unpack()
     except msgpack.UnpackException as error:
         raise MessageError(f"no msgpack: {type(error).__name__}") from error
-    if not isinstance(items, list) or unpacker.tell() != len(data):
+    if not isinstance(items, list) or reader.tell() != len(data):
         raise MessageError("not one msgpack array")
     return items
 
@@ -149,7 +124,8 @@ def pack_sequences(sequences: Sequence[Sequence32]) -> list[Any]:
     lengths = [len(s) for s in sequences]
     parts = [np.diff(s.astype(np.int64), prepend=np.int64(0)) for s in sequences]
     flat = np.concatenate([np.zeros(0, np.int64), *parts]).astype(np.int64)
-    width = _narrowest(flat)
+    peak = int(np.abs(flat).max()) if len(flat) else 0
+    width = next(w for w in range(4) if peak < 2 ** (8 * 2**w - 1))  # the narrowest that holds it
     return [lengths, width, zlib.compress(flat.astype(_WIDTHS[width]).tobytes(), _DEFLATE_LEVEL)]
 
 
@@ -180,11 +156,6 @@ def _inflate(body: object, size: int) -> bytes:
     if len(flat) != size or not inflater.eof or inflater.unused_data:
         raise MessageError(f"sequences inflate to other than {size} bytes")
     return flat
-
-
-def _narrowest(flat: np.ndarray[Any, np.dtype[np.int64]]) -> int:
-    peak = int(np.abs(flat).max()) if len(flat) else 0
-    return next(w for w in range(4) if peak < 2 ** (8 * 2**w - 1))
 
 
 def _row(message: Message) -> list[Any]:

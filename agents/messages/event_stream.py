@@ -15,6 +15,7 @@ from typing import Any
 import msgpack
 
 from agents.messages.kinds import MAX_HEADS
+from agents.messages.rows import unpacker
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SECONDS
 from decmcts.formats.files.reading import read_bytes
@@ -47,7 +48,7 @@ def unpack_event(payload: bytes) -> PrintEvent:
     if len(payload) > MOST_BYTES:
         raise ValueError(f"{len(payload)} bytes are more than an event has")
     try:
-        return event_of(_unpacked(_unpacker(payload)))
+        return event_of(_unpacked(_reader(payload)))
     except msgpack.OutOfData as error:
         raise ValueError("it breaks off") from error
 
@@ -58,19 +59,14 @@ def stream_of(log: EventLog) -> bytes:
 
 
 def read_events(path: Path) -> EventLog:
-    """Read a stream.
+    """Read a stream; InputError when it cannot be read, or holds anything but events.
 
     One that breaks off within an event ends before it: whoever wrote it was stopped.
-
-    Raises
-    ------
-    InputError
-        When it cannot be read, or holds anything but events.
     """
-    unpacker = _unpacker(read_bytes(path))
+    reader = _reader(read_bytes(path))
     try:
-        problem, heads = _header(_unpacked(unpacker))
-        events = tuple(_events(unpacker, len(heads)))
+        problem, heads = _header(_unpacked(reader))
+        events = tuple(_events(reader, len(heads)))
     except (ValueError, msgpack.OutOfData) as error:
         raise InputError(
             f"is no stream of events ({error})", path=path,
@@ -79,10 +75,10 @@ def read_events(path: Path) -> EventLog:
     return EventLog(problem, heads, events)
 
 
-def _events(unpacker: Any, heads: int) -> Iterator[PrintEvent]:
+def _events(reader: Any, heads: int) -> Iterator[PrintEvent]:
     while True:
         try:
-            event = event_of(_unpacked(unpacker))
+            event = event_of(_unpacked(reader))
         except msgpack.OutOfData:
             return
         if not event.head < heads or not event.by < heads:
@@ -90,20 +86,17 @@ def _events(unpacker: Any, heads: int) -> Iterator[PrintEvent]:
         yield event
 
 
-def _unpacker(content: bytes) -> Any:
-    unpacker = msgpack.Unpacker(
-        max_buffer_size=max(len(content), 1), max_str_len=4 * MOST_TEXT,
-        max_array_len=max(MAX_HEADS, 16), max_map_len=8, max_bin_len=0, max_ext_len=0,
-        strict_map_key=True,
-    )  # fmt: skip
-    unpacker.feed(content)
-    return unpacker
+def _reader(content: bytes) -> Any:
+    size = max(len(content), 1)
+    reader = unpacker(size, items=max(MAX_HEADS, 16), text=4 * MOST_TEXT, pairs=8)
+    reader.feed(content)
+    return reader
 
 
-def _unpacked(unpacker: Any) -> Any:
+def _unpacked(reader: Any) -> Any:
     """Return the next value; raises ValueError in words of ours where bytes are none."""
     try:
-        return unpacker.unpack()
+        return reader.unpack()
     except msgpack.OutOfData:
         raise
     except (ValueError, UnicodeDecodeError, msgpack.UnpackException) as error:

@@ -23,27 +23,22 @@ class Keys:
 
     seal: Seal
 
-    @property
-    def session(self) -> str:
-        """Name of the session."""
-        return self.seal.session
-
     def message(self, head: int, kind: str) -> str:
         """Return the key a head publishes one kind of message on."""
-        return f"{ROOT}/{self.session}/{head}/msg/{kind}"
+        return f"{ROOT}/{self.seal.session}/{head}/msg/{kind}"
 
     def alive(self, head: int, epoch: int) -> str:
         """Return the liveliness token of one incarnation of a head."""
-        return f"{ROOT}/{self.session}/{head}/alive/{epoch}/{self.seal.of_token(head, epoch)}"
+        return f"{ROOT}/{self.seal.session}/{head}/alive/{epoch}/{self.seal.of_token(head, epoch)}"
 
     def all_messages(self, kind: str) -> str:
         """Return the key expression of every message of one kind in the session."""
-        return f"{ROOT}/{self.session}/*/msg/{kind}"
+        return f"{ROOT}/{self.seal.session}/*/msg/{kind}"
 
     @property
     def all_alive(self) -> str:
         """Key expression of every liveliness token of the session."""
-        return f"{ROOT}/{self.session}/*/alive/**"
+        return f"{ROOT}/{self.seal.session}/*/alive/**"
 
     def parse_message(self, key: str) -> tuple[int, str]:
         """Return (head, kind) of a message key; raises MessageError."""
@@ -62,8 +57,8 @@ class Keys:
         return found
 
     def _tail(self, key: str) -> list[str]:
-        prefix = f"{ROOT}/{self.session}/"
+        prefix = f"{ROOT}/{self.seal.session}/"
         parts = key[len(prefix) :].split("/") if key.startswith(prefix) else []
         if len(parts) < 2 or not _NUMBER.fullmatch(parts[0]) or int(parts[0]) >= MAX_HEADS:
-            raise MessageError(f"key {key[:200]!r} is not of session {self.session}")
+            raise MessageError(f"key {key[:200]!r} is not of session {self.seal.session}")
         return parts

@@ -12,23 +12,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION = 4
-"""Of the messages and their meaning; another version is refused by name."""
-
-SILENCE_TICKS = 150
-"""Own ticks after which a peer that promised nothing else counts as stuck: 15 s."""
-
+VERSION = 4  # of the messages and their meaning; another version is refused by name
+SILENCE_TICKS = 150  # own ticks after which a peer that promised nothing else counts as stuck: 15 s
 MAX_HEADS = 64
 MAX_SEQUENCES = 256
 MAX_SYMBOLS = 4_000_000
 MAX_TEXT = 200
 MAX_SILENCE_TICKS = 6000
 DIGEST_LENGTHS = range(8, 129)
+SHOWN = 12  # characters of a digest that are shown
 
 Sequence32 = NDArray[np.int32]  # (k,) a plan of one head, see decmcts.team.engine.plans
 Plans = Mapping[int, Sequence32]  # head index -> its plan
@@ -44,25 +40,6 @@ class Stage(IntEnum):
     COMMITTED = 1  # I resolved this plan and it is the best I know
     AGREED = 2  # every live head committed to it
     RELEASED = 3  # every live head agreed and the others are fenced: final
-
-
-@dataclass(frozen=True, slots=True)
-class Stamp:
-    """Who sent a message and when, in the sender's own order."""
-
-    head: int
-    epoch: int  # incarnation of the sender; a restarted head has a larger one
-    seq: int  # counts every message of that incarnation
-
-    def __post_init__(self) -> None:
-        check_head(self.head)
-        _require(0 <= self.epoch < 2**63, f"epoch {self.epoch} outside 0..2^63")
-        _require(0 <= self.seq < 2**63, f"seq {self.seq} outside 0..2^63")
-
-    @property
-    def order(self) -> tuple[int, int]:
-        """Later messages of one head compare greater."""
-        return self.epoch, self.seq
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,15 +198,17 @@ DROPPABLE = (Distribution, Joint, Beat)
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """A message with its stamp, as it travels."""
+    """A message as it travels: with who sent it and when, in the sender's own order."""
 
-    stamp: Stamp
+    head: int
+    epoch: int  # incarnation of the sender; a restarted head has a larger one
+    seq: int  # counts every message of that incarnation
     message: Message
 
-    @classmethod
-    def of(cls, head: int, epoch: int, seq: int, message: Message) -> Self:
-        """Stamp a message."""
-        return cls(Stamp(head, epoch, seq), message)
+    def __post_init__(self) -> None:
+        check_head(self.head)
+        _require(0 <= self.epoch < 2**63, f"epoch {self.epoch} outside 0..2^63")
+        _require(0 <= self.seq < 2**63, f"seq {self.seq} outside 0..2^63")
 
 
 def check_head(head: int) -> None:
@@ -269,3 +248,22 @@ def check_sequence(sequence: Sequence32) -> None:
 def _require(holds: bool, what: str) -> None:
     if not holds:
         raise MessageError(what)
+
+
+def apart(one: str, other: str) -> tuple[str, str]:
+    """Return a part of each of two digests, with the place in it where they first differ.
+
+    Examples
+    --------
+    >>> apart("ab" * 16, "cd" * 16)
+    ('abababababab', 'cdcdcdcdcdcd')
+    >>> apart("ab" * 10 + "01", "ab" * 10 + "02")
+    ('…babababab01', '…babababab02')
+    """
+    pairs = zip(one, other, strict=False)
+    first = next((at for at, (a, b) in enumerate(pairs) if a != b), min(len(one), len(other)))
+    if first < SHOWN:
+        return one[:SHOWN], other[:SHOWN]
+    end = min(first + 2, max(len(one), len(other)))
+    begin = end - SHOWN + 1
+    return f"…{one[begin:end]}", f"…{other[begin:end]}"

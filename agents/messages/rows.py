@@ -6,12 +6,26 @@ Every reader returns a value of its type or raises `MessageError`; nothing is co
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, TypeVar, get_type_hints
+
+import msgpack
 
 from agents.messages.kinds import MessageError, Stage
 
 T = TypeVar("T")
 Position = tuple[float, float, float]
+
+
+def unpacker(size: int, *, items: int, text: int, binary: int = 0, pairs: int = 0) -> Any:
+    """Return msgpack's reader for so many bytes, with limits for each array, text and map.
+
+    Without them five bytes announce an array of 2^32 items, which is made at once.
+    """
+    return msgpack.Unpacker(
+        max_buffer_size=size, max_array_len=items, max_str_len=text, max_bin_len=binary,
+        max_map_len=pairs, max_ext_len=0, strict_map_key=True,
+    )  # fmt: skip
 
 
 def array(value: object, length: int | None = None) -> list[Any]:
@@ -54,14 +68,8 @@ PLAIN: Mapping[Any, Callable[[object], Any]] = {
 """What reads a field, by its type."""
 
 
-_FIELDS: dict[type, Mapping[str, Any]] = {}  # found once: it takes as long as a message
-
-
-def fields_of(kind: type) -> Mapping[str, Any]:
-    """Return the types of a dataclass's fields, by name, in their order."""
-    if kind not in _FIELDS:
-        _FIELDS[kind] = get_type_hints(kind)
-    return _FIELDS[kind]
+fields_of: Callable[[Any], Mapping[str, Any]] = cache(get_type_hints)
+"""Types of a dataclass's fields by name, in their order; found once: it takes long."""
 
 
 def read_row(kind: type[T], row: object) -> T:

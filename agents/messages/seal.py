@@ -15,11 +15,8 @@ from hashlib import blake2b
 
 from agents.messages.kinds import MessageError
 
-SEAL_BYTES = 16
-"""In front of each message: a forgery passes once in 2^128 trials."""
-
-LEAST_SECRET = 16
-"""Bytes of a secret; of a shorter one a listener could try all."""
+SEAL_BYTES = 16  # in front of each message: a forgery passes once in 2^128 trials
+LEAST_SECRET = 16  # bytes of a secret; of a shorter one a listener could try all
 
 
 class ForgedError(MessageError):
@@ -36,13 +33,7 @@ class Seal:
 
     @classmethod
     def of(cls, secret: bytes) -> Seal:
-        """Return the seal of a secret.
-
-        Raises
-        ------
-        MessageError
-            If it is too short.
-        """
+        """Return the seal of a secret; MessageError if it is too short."""
         if len(secret) < LEAST_SECRET:
             raise MessageError(f"a secret of {len(secret)} bytes, least {LEAST_SECRET}")
         root = blake2b(secret, person=b"decmcts-secret-1").digest()

@@ -68,10 +68,7 @@ def addresses(text: str) -> tuple[str, ...]:
 def secret_of(file: Path) -> bytes:
     """Return the secret in a file.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is too short or too large, or others may read it.
+    InputError if it cannot be read, is too short or too large, or others may read it.
     """
     advice = "make one: python -c 'import secrets; print(secrets.token_hex())' > FILE"
     try:

@@ -91,7 +91,7 @@ class MemoryNetwork:
         heapq.heappush(self._flying, (self.now + delay_s, next(self._numbers), to, arrival))
 
 
-class MemoryTransport:
+class MemoryTransport(Transport):
     """One head's side of a `MemoryNetwork`."""
 
     def __init__(self, network: MemoryNetwork, head: int, epoch: int = 1) -> None:
@@ -101,12 +101,10 @@ class MemoryTransport:
         self.inbox: list[Arrival] = []
 
     def __enter__(self) -> Self:
-        """Join the network."""
         self.network.join(self)
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Leave the network."""
         if self.network.transports.get(self.head) is self:
             self.network.kill(self.head)
 
@@ -119,11 +117,8 @@ class MemoryTransport:
         arrived, self.inbox = self.inbox, []
         return arrived
 
-    def move(self, places: Sequence[str]) -> None:
-        """Stay: there is one place in memory."""
 
-
-class LossyTransport:
+class LossyTransport(Transport):
     """A transport behind which the weather is bad; its delays are seconds of the world."""
 
     def __init__(self, inner: Transport, weather: Weather, rng: np.random.Generator) -> None:
@@ -132,12 +127,10 @@ class LossyTransport:
         self._numbers = count()
 
     def __enter__(self) -> Self:
-        """Open the network."""
         self._inner.__enter__()
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Leave it."""
         self._inner.__exit__(*error)
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:

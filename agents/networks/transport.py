@@ -10,7 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, Self
+from typing import Self
 
 from agents.messages.kinds import Presence
 
@@ -37,7 +37,7 @@ class Traffic:
 
     sent: Counter[str] = field(default_factory=Counter)  # messages by kind
     sent_bytes: Counter[str] = field(default_factory=Counter)
-    received: Counter[str] = field(default_factory=Counter)
+    received: Counter[str] = field(default_factory=Counter)  # and well formed
     received_bytes: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)  # by reason
 
@@ -45,22 +45,13 @@ class Traffic:
         """Return all counts as plain dictionaries."""
         return {name: dict(getattr(self, name)) for name in self.__slots__}
 
-    def count_sent(self, kind: str, size: int) -> None:
-        """Add one message that went out."""
-        self.sent[kind] += 1
-        self.sent_bytes[kind] += size
 
-    def count_received(self, kind: str, size: int) -> None:
-        """Add one message that came in and was well formed."""
-        self.received[kind] += 1
-        self.received_bytes[kind] += size
-
-
-class Transport(Protocol):
-    """One agent's side of a network. A context manager: open inside `with`."""
+class Transport:
+    """One agent's side of a network, open inside `with`. What is not overridden meets nobody."""
 
     def __enter__(self) -> Self:
         """Open the network and announce this head."""
+        return self
 
     def __exit__(self, *error: object) -> None:
         """Leave the network."""
@@ -70,28 +61,12 @@ class Transport(Protocol):
 
     def receive(self, timeout_s: float) -> list[Arrival]:
         """Return what arrived, waiting at most `timeout_s` for the first."""
+        time.sleep(timeout_s)
+        return []
 
     def move(self, places: Sequence[str]) -> None:
         """Meet the others at other places from now on."""
 
 
-class NoNetwork:
-    """The transport of the single-extruder mode: nobody is there."""
-
-    def __enter__(self) -> Self:
-        """Open nothing."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Close nothing."""
-
-    def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
-        """Speak to nobody."""
-
-    def receive(self, timeout_s: float) -> list[Arrival]:
-        """Hear nothing for so long."""
-        time.sleep(timeout_s)
-        return []
-
-    def move(self, places: Sequence[str]) -> None:
-        """Stay alone."""
+class NoNetwork(Transport):
+    """The transport of the single-extruder mode."""

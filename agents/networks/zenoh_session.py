@@ -12,7 +12,6 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 
 import zenoh
 
@@ -21,53 +20,28 @@ from agents.messages.seal import SEAL_BYTES, Seal
 from agents.networks.meeting import TCP
 from decmcts.errors import InputError
 
-LEASE_MS = 1000
-"""A peer silent for so long is gone; zenoh's default is 10 s."""
-
+LEASE_MS = 1000  # a peer silent for so long is gone; zenoh's default is 10 s
 USER = "decmcts"
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoints:
-    """Where one agent listens and whom it connects to, as zenoh locators."""
-
-    listen: str
-    connect: tuple[str, ...]
-
-    @staticmethod
-    def mesh(places: Sequence[str], head: int) -> Endpoints:
-        """Return the endpoints of one head of a full mesh, with a place for each."""
-        others = tuple(at for h, at in enumerate(places) if h != head)
-        return Endpoints(places[head], others)
-
-    @property
-    def protocol(self) -> str:
-        """Zenoh's word for the kind of link."""
-        return self.listen.partition("/")[0]
-
-
-def settings(endpoints: Endpoints) -> dict[str, object]:
-    """Return the zenoh settings of an agent, but for its password."""
+def settings(listen: str, connect: Sequence[str]) -> dict[str, object]:
+    """Return the zenoh settings of an agent at a place, and of its peers', but for its password."""
     return {
         "mode": "peer",
-        "listen/endpoints": [endpoints.listen],  # default: all interfaces
-        "connect/endpoints": list(endpoints.connect),
+        "listen/endpoints": [listen],  # default: all interfaces
+        "connect/endpoints": list(connect),
         # Peers may start later: keep trying, in the background. With a timeout
         # of 0 zenoh tries once and never again.
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
-        "connect/retry": {
-            "period_init_ms": 50,
-            "period_max_ms": 500,
-            "period_increase_factor": 2,
-        },
+        "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 2},
         # A stopped process still accepts TCP: give its handshake up after a lease
         # too (default 10 s), or closing waits for it.
         "transport/unicast/open_timeout": LEASE_MS,
         "transport/unicast/accept_timeout": LEASE_MS,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        "transport/link/protocols": [endpoints.protocol],
+        "transport/link/protocols": [listen.partition("/")[0]],
         # default: 1 GiB
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + SEAL_BYTES + 4096,
         "transport/link/tx/lease": LEASE_MS,
@@ -79,10 +53,10 @@ def settings(endpoints: Endpoints) -> dict[str, object]:
 
 
 @contextmanager
-def configured(endpoints: Endpoints, seal: Seal) -> Iterator[zenoh.Config]:
+def configured(listen: str, connect: Sequence[str], seal: Seal) -> Iterator[zenoh.Config]:
     """Yield the configuration of an agent; the file it names is there in the `with` only."""
     with _dictionary(seal) as file:
-        known = settings(endpoints) | {
+        known = settings(listen, connect) | {
             "transport/auth/usrpwd/user": USER,
             "transport/auth/usrpwd/password": seal.password,
             "transport/auth/usrpwd/dictionary_file": file,
@@ -93,20 +67,18 @@ def configured(endpoints: Endpoints, seal: Seal) -> Iterator[zenoh.Config]:
         yield config
 
 
-def open_session(endpoints: Endpoints, seal: Seal) -> zenoh.Session:
-    """Open a session at a place.
+def open_session(places: Sequence[str], head: int, seal: Seal) -> zenoh.Session:
+    """Open the session of one head of a full mesh, with a place for each.
 
-    Raises
-    ------
-    InputError
-        If nobody can listen there: in the words of this program, not of zenoh.
+    InputError if nobody can listen there: in the words of this program, not of zenoh.
     """
+    connect = [place for other, place in enumerate(places) if other != head]
     try:
-        with configured(endpoints, seal) as config:
+        with configured(places[head], connect, seal) as config:
             return zenoh.open(config)
     except (zenoh.ZError, OSError) as error:
-        where = endpoints.listen.partition("/")[2]
-        what = "address" if endpoints.listen.startswith(TCP) else "socket"
+        where = places[head].partition("/")[2]
+        what = "address" if places[head].startswith(TCP) else "socket"
         raise InputError(
             f"cannot listen at the {what} {where}",
             advice="another process may have it: name another one to all agents",

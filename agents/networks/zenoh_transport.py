@@ -12,6 +12,7 @@ what lacks the team's seal is counted and goes no further.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -25,8 +26,8 @@ from agents.messages.codec import KINDS
 from agents.messages.keys import Keys
 from agents.messages.kinds import MessageError, Presence
 from agents.messages.seal import ForgedError, Seal
-from agents.networks.transport import FORGED, STRANGE, Arrival, Packet
-from agents.networks.zenoh_session import LEASE_MS, Endpoints, open_session
+from agents.networks.transport import FORGED, STRANGE, Arrival, Packet, Transport
+from agents.networks.zenoh_session import LEASE_MS, open_session
 from decmcts.errors import InputError
 
 LOG = logging.getLogger(__name__)
@@ -38,15 +39,9 @@ RINGS = range(16, 65)
 and `close` included; a ring drops the oldest, and the protocol says again what
 matters. A ring for each kind, so that many distributions push out no commit."""
 
-TOKENS = 1024
-"""Liveliness tokens kept; they carry nothing, and a lost one would be missed."""
-
-QUEUE_BYTES = 4 * 1024 * 1024
-"""Waiting to be sent; a hung peer holds it up for a lease."""
-
-RETRY_S = 0.5
-"""So often a place is tried again that could not be opened."""
-
+TOKENS = 1024  # liveliness tokens kept; they carry nothing, and a lost one would be missed
+QUEUE_BYTES = 4 * 1024 * 1024  # waiting to be sent; a hung peer holds it up for a lease
+RETRY_S = 0.5  # so often a place is tried again that could not be opened
 POLL_S = 0.001
 WATCH_S = 0.02  # short, so that threads hardly compute in it before a stop
 STOPPED_S = 0.5 * LEASE_MS / 1000
@@ -54,11 +49,8 @@ STOPPED_S = 0.5 * LEASE_MS / 1000
 zenoh says that it lives every quarter of a lease, perhaps just before the stop."""
 
 CLOSE_S = 1.5
-FLUSH_S = 1.0
-"""What waits is still sent so long after closing began."""
-
-JOIN_S = 8.0
-"""A put to a hung peer returns after a lease; zenoh's default would be 5 s."""
+FLUSH_S = 1.0  # what waits is still sent so long after closing began
+JOIN_S = 8.0  # a put to a hung peer returns after a lease; zenoh's default would be 5 s
 
 
 def ring_size(heads: int) -> int:
@@ -75,7 +67,7 @@ def stood_still(passed_s: float, computed_s: float) -> bool:
     return passed_s - WATCH_S - computed_s > STOPPED_S
 
 
-class ZenohTransport:
+class ZenohTransport(Transport):
     """One head's zenoh session; use as a context manager.
 
     Parameters
@@ -108,7 +100,7 @@ class ZenohTransport:
         self._on_drop, self._on_shut = on_drop, on_shut
         self._ring = ring_size(len(places))
         self._session: zenoh.Session | None = None
-        self._shut_until: float | None = None  # not open; when to try again
+        self._shut_until = math.inf  # when to try again where it is not open
         self._is_shut_reported = False
         self._queue: deque[tuple[str, bytes]] = deque()
         self._queued_bytes = 0
@@ -129,11 +121,10 @@ class ZenohTransport:
         return self
 
     def _open(self) -> None:
-        endpoints = Endpoints.mesh(self._places, self._head)
         try:
             with ExitStack() as stack:
                 # Always `with`: a session left open by an exception hangs the exit.
-                session = stack.enter_context(open_session(endpoints, self._seal))
+                session = stack.enter_context(open_session(self._places, self._head, self._seal))
                 self._messages = [
                     session.declare_subscriber(
                         self._keys.all_messages(kind), zenoh.handlers.RingChannel(self._ring)
@@ -146,7 +137,7 @@ class ZenohTransport:
                 token = self._keys.alive(self._head, self._epoch)
                 self._token = session.liveliness().declare_token(token)
                 self._stack, self._session = stack.pop_all(), session
-                self._shut_until, self._is_shut_reported = None, False
+                self._shut_until, self._is_shut_reported = math.inf, False
         except InputError as error:
             if self._on_shut is None:
                 raise
@@ -162,12 +153,6 @@ class ZenohTransport:
         except zenoh.ZError as failed:  # a hung peer; the session is given up all the same
             LOG.warning("zenoh did not close in time: %s", failed)
 
-    def _close_soon(self) -> None:
-        """Close beside the caller: with a hung peer zenoh may take its 10 s."""
-        closing = threading.Thread(target=self._close, name="zenoh-close", daemon=True)
-        closing.start()
-        closing.join(CLOSE_S)
-
     def __exit__(self, *error: object) -> None:
         """Send what waits (briefly), then close."""
         with self._ready:
@@ -175,16 +160,15 @@ class ZenohTransport:
             self._ready.notify()
         # zenoh raises "Already borrowed" when closed during a put: wait for it.
         self._sender.join(JOIN_S)
-        self._close_soon()
+        # Beside the caller: with a hung peer zenoh may take its 10 s to close.
+        closing = threading.Thread(target=self._close, name="zenoh-close", daemon=True)
+        closing.start()
+        closing.join(CLOSE_S)
 
     def move(self, places: Sequence[str]) -> None:
         """Meet the others at other places from the next `receive` on."""
         self._places, self._is_shut_reported = tuple(places), False
         self._shut_until = 0.0
-
-    def _must_begin_again(self) -> bool:
-        is_due = self._shut_until is not None and time.monotonic() >= self._shut_until
-        return self._was_stopped or is_due
 
     def _begin_again(self) -> list[Arrival]:
         """Open a new session after a stop; all peers are gone until they are seen again.
@@ -217,7 +201,8 @@ class ZenohTransport:
         """Return what arrived, waiting at most `timeout_s` for the first."""
         deadline = time.monotonic() + timeout_s
         while True:
-            arrivals: list[Arrival] = self._begin_again() if self._must_begin_again() else []
+            again = self._was_stopped or time.monotonic() >= self._shut_until
+            arrivals: list[Arrival] = self._begin_again() if again else []
             if self._session is not None:
                 arrivals += [*self._presences(), *self._packets()]
             left = deadline - time.monotonic()
@@ -285,8 +270,7 @@ class ZenohTransport:
             return batch or None
 
     def _put(self, kind: str, payload: bytes, *, reliable: bool) -> None:
-        control = zenoh.CongestionControl
-        priority = zenoh.Priority
+        control, priority = zenoh.CongestionControl, zenoh.Priority
         try:
             # BLOCK waits up to 5 s for a hung peer, here and not in planning.
             # Its own priority has its own queue, so bulk never delays commits.

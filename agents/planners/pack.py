@@ -37,17 +37,16 @@ _ARRAYS = "problem.npz"
 _REST = "problem.json"
 _ACCELERATION = "acceleration"
 _START = "start"
-TEAM = "team"  # option: parameters of the team's search that were set
 
 
 @dataclass(frozen=True, slots=True)
 class Pack:
-    """One print on one machine, with its dependency graph and planner options."""
+    """One print on one machine, with its dependency graph."""
 
     job: PrintJob
     machine: Machine
     graph: DependencyGraph
-    options: Mapping[str, Any] = field(default_factory=dict)  # JSON values for the planner
+    parameters: Mapping[str, float] = field(default_factory=dict)  # of the search, that were set
     lags: Lags | None = None  # how long what is printed over must cool
     start: StatedOrder | None = None  # a joint order to begin with
 
@@ -76,27 +75,22 @@ def write_pack(pack: Pack, folder: Path) -> None:
         "barriers": [asdict(barrier) for barrier in pack.job.barriers],
         "refills": list(pack.job.refills),
         "machine": machine_to_dict(pack.machine),
-        "options": dict(pack.options),
+        "parameters": dict(pack.parameters),
     }
     (folder / _REST).write_text(json.dumps(rest))
 
 
 def read_pack(folder: Path) -> Pack:
-    """Read what `write_pack` wrote.
-
-    Raises
-    ------
-    InputError
-        If the folder holds no pack or a broken one.
-    """
+    """Read what `write_pack` wrote; InputError if the folder holds no pack or a broken one."""
     try:
         with (folder / _ARRAYS).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
         rest = json.loads((folder / _REST).read_text())
+        of_tools = tuple((int(t), Retraction(**one)) for t, one in rest["settings"]["of_tools"])
         job = PrintJob(
             rest["name"],
             Contours(**_room(arrays, "contours")),
-            _settings(rest["settings"]),
+            ProcessSettings(**{**rest["settings"], "of_tools": of_tools}),
             tuple(Barrier(**barrier) for barrier in rest["barriers"]),
             rest["slicer"],
             tuple(rest["notes"]),
@@ -108,14 +102,9 @@ def read_pack(folder: Path) -> Pack:
         order = _room(arrays, _START)
         start = StatedOrder(**order) if order else None
         machine = machine_from_dict(rest["machine"])
-        return Pack(job, machine, graph, rest["options"], lags, start)
+        return Pack(job, machine, graph, rest["parameters"], lags, start)
     except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
         raise InputError(f"no problem pack: {error}", path=folder) from error
-
-
-def _settings(stored: dict[str, Any]) -> ProcessSettings:
-    of_tools = tuple((int(tool), Retraction(**one)) for tool, one in stored["of_tools"])
-    return ProcessSettings(**{**stored, "of_tools": of_tools})
 
 
 def _room(arrays: dict[str, Any], room: str) -> dict[str, Any]:
@@ -125,15 +114,10 @@ def _room(arrays: dict[str, Any], room: str) -> dict[str, Any]:
 def load_source(
     path: Path, machine: str, process_order: Literal["keep", "free"], *, quality: bool = True
 ) -> Pack:
-    """Read G-code and build its dependency graph.
+    """Read G-code and build its graph; InputError if it or the machine cannot be used.
 
     With `quality` shells and what is anchored in them keep their order, but for
     the paper's machine, which knows of no beads.
-
-    Raises
-    ------
-    InputError
-        If the input or the machine cannot be used.
     """
     if not path.exists():
         raise InputError("no such file", path=path)

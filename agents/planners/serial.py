@@ -31,10 +31,7 @@ def serial_plans(problem: TeamProblem, live: Sequence[int]) -> Plans:
 def joint_order(problem: TeamProblem, plans: Plans, live: Sequence[int]) -> Resolved:
     """Return the joint order of some plans: checked if they state one, else resolved.
 
-    Raises
-    ------
-    InputError
-        If no live head may print some contour, or a stated order breaks the precedence.
+    InputError if no live head may print some contour, or a stated order breaks the precedence.
     """
     stated = _stated(problem, plans, live)
     order = None if stated is None else as_allowed(problem, stated)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from agents.messages.kinds import Distribution, Joint, MessageError, Plans, Proposal, Sequence32
-from agents.planners.pack import TEAM, Pack
+from agents.planners.pack import Pack
 from agents.planners.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts.parameters import RANGES, Parameters, changed
@@ -18,12 +18,6 @@ from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.plans import decode, means_something
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import as_allowed
-
-
-def _most_of_a_plan(problem: TeamProblem) -> int:
-    """Return how many numbers stand behind the first of a plan of macro-actions, at most."""
-    start = problem.start
-    return max(problem.n_macros, 0 if start is None else 3 * start.n_macros)
 
 
 class DecMctsPlanner:
@@ -40,9 +34,11 @@ class DecMctsPlanner:
         self.problem = team_digest(problem.digest, problem.job, code=code_digest())
         self.names = problem.head_names
         self._team = problem
-        stated = len(problem.head_names) * (len(problem.job.contours) + 2)
         # numbers in all plans of a message that may mean something for this problem
-        self.most_symbols = stated + int(RANGES["plans"][1]) * (1 + _most_of_a_plan(problem))
+        stated = len(problem.head_names) * (len(problem.job.contours) + 2)
+        started = 0 if problem.start is None else 3 * problem.start.n_macros
+        of_macros = 1 + max(problem.n_macros, started)
+        self.most_symbols = stated + int(RANGES["plans"][1]) * of_macros
         self._search = DecMcts(problem, head, seed=seed, parameters=parameters)
 
     @staticmethod
@@ -50,7 +46,7 @@ class DecMctsPlanner:
         """Build the problem of a pack and a planner for one head of it."""
         problem = build_team_problem(pack.job, pack.machine, pack.graph, pack.lags, pack.start)
         usual = Parameters.for_contours(len(problem.macro))
-        parameters = changed(usual, pack.options.get(TEAM, {}))
+        parameters = changed(usual, pack.parameters)
         planner = DecMctsPlanner(problem, head, seed=seed, parameters=parameters)
         compile_rounds()  # before the clock runs
         planner.best(range(len(planner.names)))

@@ -73,7 +73,7 @@ class Carrier:
     at: tuple[float, float, float] | None = None
     reports: dict[int, HeadReport] = field(default_factory=dict)
     fenced: dict[int, tuple[int, Reached]] = field(default_factory=dict)  # plan, and how far
-    received_s: dict[int, dict[tuple[int, int, int], float]] = field(default_factory=dict)
+    received_s: dict[tuple[int, int, int, int], float] = field(default_factory=dict)
     out: list[Command] = field(default_factory=list)
     seq: int = 0
     agreed: int = -1  # the newest plan that all its heads held when this one began
@@ -263,8 +263,8 @@ class Carrier:
             if not self.has_passed(plan, edge):
                 return False
             if edge.lag_s > 0.0:  # counted from when the report came: that is no sooner
-                of = self.received_s.setdefault(plan.number, {})
-                since = of.setdefault((edge.head, edge.action, edge.point), now_s)
+                event = plan.number, edge.head, edge.action, edge.point
+                since = self.received_s.setdefault(event, now_s)
                 if now_s - since < edge.lag_s:
                     return False
         return True

@@ -13,8 +13,7 @@ import struct
 import time
 from pathlib import Path
 
-_ROW = struct.Struct("=dddd")  # changes so far, twice; then, there, pace: see `_read`
-_SIZE = _ROW.size + 8
+_SIZE = 5 * 8  # changes so far, twice; then, there, pace: see `_read`
 
 
 class PrintClock:

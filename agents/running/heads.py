@@ -65,8 +65,7 @@ class HeadProcesses:
 
     def restart(self) -> None:
         """Start another agent in the place of one that is gone, or is ended here."""
-        with suppress(ProcessLookupError):
-            os.kill(self.agent.pid, signal.SIGKILL)
+        self.agent.kill()
         self.agent.reap()
         self._start_agent()
         self.agent.begin(*self._begun)
@@ -154,7 +153,7 @@ class WitnessProcess:
         self._until = time.monotonic() + MOST_S
         self._process = AgentProcess(WITNESS, COMMAND, self._stated.take)
         heads = len(self._meeting.places) - 1
-        self._process.begin(["--heads", str(heads), "--epoch", str(self._epoch)], self._meeting)
+        self._process.begin([str(heads), str(self._epoch)], self._meeting)
 
     @property
     def is_listening(self) -> bool:

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import msgpack
 
 from agents.messages.event_stream import MOST_BYTES, event_of
-from agents.messages.rows import read_row
+from agents.messages.rows import read_row, unpacker
 from decmcts.print.print_events import PrintEvent
 
 MOST_WAITING = 1 << 20  # bytes of one pipe that are kept
@@ -111,10 +111,7 @@ class Pipe:
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
         self.open = True
-        self._unpacker = msgpack.Unpacker(
-            max_buffer_size=MOST_WAITING, max_str_len=MOST_BYTES, max_array_len=16, max_map_len=0,
-            max_bin_len=0, max_ext_len=0,
-        )  # fmt: skip
+        self._unpacker = unpacker(MOST_WAITING, items=16, text=MOST_BYTES)
 
     def statements(self) -> Iterator[Statement]:
         """Yield what a controller states; waits where the descriptor does."""

@@ -69,11 +69,8 @@ class HeadReport:
         """Return the bytes of a report."""
         event = b"" if self.event is None else pack_event(self.event)
         at = [self.reached.ended, self.reached.begun, self.reached.point]
-        return bytes(
-            msgpack.packb(
-                [VERSION, self.head, self.seq, self.number, self.digest, at, self.off, event]
-            )
-        )
+        fields = [VERSION, self.head, self.seq, self.number, self.digest, at, self.off, event]
+        return bytes(msgpack.packb(fields))
 
 
 def unpack_report(head: int, payload: bytes) -> HeadReport:

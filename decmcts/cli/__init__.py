@@ -1,8 +1,8 @@
 """The command line: arguments, what a person sees, and how a run is stopped.
 
 `commands` has one module a command, `options` what several share; `run` turns every failure
-into one line. `running` shows what `decmcts.planning` reports, on a `console` whose `streams`
-never fail; `lines` say how it went; `signals` stop it.
+into one line. `console` shows what `decmcts.planning` reports, on `streams` that never fail;
+`lines` say how it went; `signals` stop it.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -29,7 +30,7 @@ from rich.table import Table
 
 from decmcts.cli import signals
 from decmcts.formats.files.names import harmless
-from decmcts.planning.events import Event, Heads, Note, Report, Step
+from decmcts.planning.events import Begun, Event, Heads, Note, Report, Sound, Step, Stop
 from decmcts.planning.events import Progress as Searched
 from decmcts.print.figures import clock_time
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
@@ -76,6 +77,38 @@ def steps(
     """
     with ExitStack() as shown:
         yield _Display(shown, time_limit_s, unit, table, logged).report
+
+
+@contextmanager
+def running(
+    *,
+    time_limit_s: float,
+    unit: str = "mm",
+    remark: str = "",
+    table: Callable[[Heads], Table] | None = None,
+    logged: bool = True,
+) -> Iterator[tuple[Report, Stop]]:
+    """Show a run and stop it by the first signal once it has begun to search, else end it.
+
+    The `remark` is made once the input is known to be of use; `logged` as in `steps`.
+    """
+    begun = threading.Event()
+    with (
+        signals.interrupt_stops(lambda: not begun.is_set()) as stop,
+        steps(time_limit_s=time_limit_s, unit=unit, table=table, logged=logged) as show,
+    ):
+
+        def report(event: Event) -> None:
+            signals.end_if_lost()
+            if isinstance(event, Begun):
+                begun.set()
+            elif isinstance(event, Sound):
+                if remark:
+                    err.show(remark)
+            else:
+                show(event)
+
+        yield report, stop
 
 
 class _Display:

@@ -7,7 +7,6 @@ and `--verbose`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.result import Result
 from decmcts.planning.writing.file_times import FileTimes, is_longer
 from decmcts.print.figures import MAKERS, change, clock_time, idle_line, shown
-from decmcts.print.metrics import Metrics, compared_order
+from decmcts.print.metrics import CutMetrics, Metrics, compared_order
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 
@@ -83,20 +82,19 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
         f"{name} {100.0 * spent / makespan:.0f} %"
         for name, spent in zip(heads, after["printing_s_per_head"], strict=True)
     ]
-    return [
+    lines = [
         f"{after['one_head_s'] / makespan:.2f} times as fast as one head alone "
         f"({clock_time(after['one_head_s'])}), and {100.0 * (makespan / bound - 1.0):.0f} % "
         f"above the {proven} ({clock_time(bound)})",
         f"of the print time each head prints: {', '.join(shares)}",
-        *_cut_line(after),
-        *([line] if (line := idle_line(after)) else []),
+        *(_cut_lines(after["cut"]) if "cut" in after else []),
+        idle_line(after),
     ]
+    return list(filter(None, lines))
 
 
-def _cut_line(after: Metrics) -> list[str]:
-    """Return what was cut so that heads share it, if anything was."""
-    if (cut := after.get("cut")) is None:
-        return []
+def _cut_lines(cut: CutMetrics) -> list[str]:
+    """Return what was cut so that heads share it."""
     shows = f"{cut['outside']:,} of them outside" if cut["outside"] else "none of them outside"
     of = [f"{count:,} in {role.replace('_', ' ')}" for role, count in cut.get("roles", {}).items()]
     cuts = f"{cut['contours']:,} contours are cut at {cut['cuts']:,} places, {shows}"
@@ -158,16 +156,6 @@ PAPERS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class FigureRow:
-    """One figure before and after, as it is shown."""
-
-    label: str
-    before: str
-    after: str
-    change: str  # '' where a share tells nothing
-
-
 def compared(before: Metrics, after: Metrics) -> dict[str, tuple[float, float]]:
     """Return the figures of `KEYS` that both results have, before and after."""
     pairs = {key: (before.get(key), after.get(key)) for key in KEYS}
@@ -187,8 +175,10 @@ def summary_of(before: Metrics, after: Metrics) -> dict[str, dict[str, float]]:
     return rows
 
 
-def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[FigureRow]:
-    """Return what is shown of a result against its source.
+def rows_of(
+    before: Metrics, after: Metrics, *, verbose: bool = False
+) -> list[tuple[str, str, str, str]]:
+    """Return the figures of a result against its source: label, before, after and change.
 
     The print time is the whole file's, where one was written; `verbose` tells the part of it
     from the first bead to the last too.
@@ -200,13 +190,12 @@ def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[F
         labels |= PAPERS
         if whole:
             labels["print_time_s"] = "print time, first to last bead"
-    return [_row(label, key, *figures[key]) for key, label in labels.items() if key in figures]
-
-
-def _row(label: str, key: str, was: float, now: float) -> FigureRow:
-    return FigureRow(
-        label, shown(key, was), shown(key, now), "" if key in COUNTS else change(was, now)
-    )
+    rows = []
+    for key in [key for key in labels if key in figures]:
+        was, now = figures[key]
+        by = "" if key in COUNTS else change(was, now)
+        rows.append((labels[key], shown(key, was), shown(key, now), by))
+    return rows
 
 
 def gain_table(before: Metrics, after: Metrics, *, verbose: bool = False) -> Table:
@@ -216,7 +205,7 @@ def gain_table(before: Metrics, after: Metrics, *, verbose: bool = False) -> Tab
     for name in (first, "after", "change"):
         table.add_column(name, justify="right")
     for row in rows_of(before, after, verbose=verbose):
-        table.add_row(row.label, row.before, row.after, row.change)
+        table.add_row(*row)
     return table
 
 
@@ -224,6 +213,6 @@ def plain_lines(before: Metrics, after: Metrics, *, verbose: bool = False) -> li
     """Return the same as lines, for a log without columns."""
     of = "" if compared_order(before) == "before" else f" ({compared_order(before)})"
     return [
-        f"{row.label}: {row.before}{of} → {row.after}" + (f" ({row.change})" if row.change else "")
-        for row in rows_of(before, after, verbose=verbose)
+        f"{label}: {was}{of} → {now}" + (f" ({by})" if by else "")
+        for label, was, now, by in rows_of(before, after, verbose=verbose)
     ]

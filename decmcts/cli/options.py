@@ -1,7 +1,8 @@
-"""The options shared by several commands, declared once."""
+"""The program that commands register on, and the options that several share."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +21,31 @@ from decmcts.planning.options import (
     ProcessOrder,
     Seam,
 )
+from decmcts.version import __version__
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Finds a better, proven-safe order for the extrusions of a 3D print.",
+)
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        typer.echo(f"decmcts {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def of_every_command(
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Options of every command."""
+    if debug:
+        os.environ["DECMCTS_DEBUG"] = "1"
 
 
 def options_of(panel: str) -> Callable[..., Any]:

@@ -18,8 +18,8 @@ from decmcts.cli import (
     commands,  # noqa: F401 - it registers them
     signals,
 )
-from decmcts.cli.app import app
 from decmcts.cli.console import err
+from decmcts.cli.options import app
 from decmcts.errors import InputError, VerificationError
 
 STOPPED = 130  # what typer makes of a KeyboardInterrupt

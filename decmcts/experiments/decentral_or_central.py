@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.planners.team_planner import DecMctsPlanner
-from decmcts.experiments.in_memory import agreed, weather_of
+from decmcts.experiments.in_memory import agreed
 from decmcts.experiments.kinds import (
     Asked,
     Experiment,
@@ -34,14 +34,7 @@ from decmcts.experiments.kinds import (
     median,
     spread,
 )
-from decmcts.experiments.teams import (
-    PlanFunction,
-    figures,
-    given,
-    in_one_process,
-    machine_for,
-    planned,
-)
+from decmcts.experiments.teams import PlanFunction, figures, given, in_one_process, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.toolpath import Toolpath
@@ -99,10 +92,7 @@ def by_one_tree(problem: TeamProblem, stopping: Stopping, *, seed: int) -> tuple
     return resolve(problem, tree.best(live).plans, live).toolpaths
 
 
-PLANNERS: Mapping[str, PlanFunction] = {
-    "dec-mcts": in_one_process,
-    "one tree": by_one_tree,
-}
+PLANNERS: Mapping[str, PlanFunction] = {"dec-mcts": in_one_process, "one tree": by_one_tree}
 
 
 class Central(DecMctsPlanner):
@@ -125,39 +115,32 @@ class Follower(DecMctsPlanner):
         """Do nothing."""
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
+def _runs(asked: Asked) -> Iterator[tuple[Any, ...]]:
     for name in asked.prints or MADE:
         for planner in PLANNERS:
-            yield {"print": name, "setting": "equal time", "planner": planner, "loss": 0.0,
-                   "delay_s": 0.0}  # fmt: skip
+            yield name, "equal time", planner, 0.0, 0.0
         for loss, delay_s in NETWORKS:
             for planner in (DECENTRAL, CENTRAL):
-                yield {"print": name, "setting": "network", "planner": planner, "loss": loss,
-                       "delay_s": delay_s}  # fmt: skip
+                yield name, "network", planner, loss, delay_s
 
 
 def _run(key: Key) -> Row:
-    machine, middle = machine_for(key, HEADS, BED_MM)
-    what = given(key, machine, Cut.INSIDE, middle=middle)
+    what = given(key, HEADS, BED_MM, Cut.INSIDE)
     compile_rounds()
     if key["setting"] == "equal time":
-        document = planned(what, key, PLANNERS[key["planner"]])
-        return figures(what, document)
-    weather = weather_of(float(key["loss"]), float(key["delay_s"]))
-    result = agreed(what, weather, _planners(what.team, key), key)
+        return figures(what, planned(what, key, PLANNERS[key["planner"]]))
+    result = agreed(what, _planners(what.team, key), key)
     return figures(what, result.document) | {
-        "agreeing_s": round(result.released_s - result.planned_s, 2), "messages": result.messages,
+        "agreeing_s": round(result.agreeing_s, 2), "messages": result.messages,
     }  # fmt: skip
 
 
 def _planners(problem: TeamProblem, key: Key) -> Callable[[int], DecMctsPlanner]:
     """Return what makes the planner of each head."""
-    made = partial(DecMctsPlanner, problem, seed=int(key["seed"]))
+    seed = int(key["seed"])
     if key["planner"] == DECENTRAL:
-        return made
-    central = partial(Central, problem, seed=int(key["seed"]))
-    follower = partial(Follower, problem, seed=int(key["seed"]))
-    return lambda head: follower(head) if head else central(head)
+        return partial(DecMctsPlanner, problem, seed=seed)
+    return lambda head: (Follower if head else Central)(problem, head, seed=seed)
 
 
 def _equal(rows: Sequence[Line]) -> list[Line]:

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.agreeing.events import HeadFenced, Notice, PlanReleased, ProtocolEvent
-from agents.loop.agent import Agent, AgentProgress, Meet
+from agents.agreeing.events import HeadFenced, Notice, PlanReleased
+from agents.loop.agent import Agent, AgentProgress, FrontEnd
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
 from agents.planners.serial import joint_order
@@ -30,8 +30,7 @@ class Agreed(NamedTuple):
     """What a team has agreed on."""
 
     document: PlanDocument  # that the judge has passed
-    planned_s: float  # simulated seconds of planning
-    released_s: float  # until the last head released the plan
+    agreeing_s: float  # simulated seconds from the end of planning to the last release
     messages: int  # that all heads sent
     live: int
 
@@ -41,64 +40,48 @@ def rounds_of(key: Key) -> int:
     return int(key["iterations"]) or max(1, round(float(key["seconds"]) / ROUND_S))
 
 
-def weather_of(loss: float, delay_s: float) -> Weather:
+def weather_of(key: Key) -> Weather:
     """Return a network that loses, delays by up to so long and then repeats some messages."""
+    loss, delay_s = float(key["loss"]), float(key["delay_s"])
     return Weather(loss, (0.0, delay_s), DUPLICATE if loss or delay_s else 0.0)
 
 
 def agreed(
-    what: Given, weather: Weather, planner_of: Callable[[int], DecMctsPlanner], key: Key,
+    what: Given, planner_of: Callable[[int], DecMctsPlanner], key: Key,
     disturb: Callable[[MemoryTeam], None] = lambda _team: None,
 ) -> Agreed:  # fmt: skip
     """Let agents plan and agree; a round takes 0.02 simulated seconds.
 
-    `disturb` is called before every step.
-
-    Raises
-    ------
-    VerificationError
-        Where they come to no plan, to two, or to one that the judge refuses.
+    `disturb` is called before every step. VerificationError where they come to no plan, to two,
+    or to one that the judge refuses.
     """
     limit_s, heads = rounds_of(key) * STEP_S, len(what.problem.machine.heads)
-    team = MemoryTeam(heads, weather, planner_of, seed=int(key["seed"]), limit_s=limit_s)
-    while team.network.now < PATIENCE_S and not _done(team):
+    team = MemoryTeam(heads, weather_of(key), planner_of, seed=int(key["seed"]), limit_s=limit_s)
+    while len(releases := team.releases()) < len(team.agents) and team.network.now < PATIENCE_S:
         disturb(team)
         team.run(STEP_S)
-    releases = list(team.releases().values())
-    if not _done(team):
+    if len(releases) < len(team.agents):
         raise VerificationError(f"{len(releases)} of {len(team.agents)} heads agreed in time")
-    if len({release.digest for release in releases}) > 1:
+    first, *others = releases.values()
+    if any(release.digest != first.digest for release in others):
         raise VerificationError("two plans were released")
-    sent = sum(sum(agent.traffic.sent.values()) for agent in team.agents.values())
-    document = _exact(what, releases[0])
-    return Agreed(document, limit_s, team.network.now, sent, len(releases[0].live))
-
-
-def _done(team: MemoryTeam) -> bool:
-    return len(team.releases()) == len(team.agents)
-
-
-def _exact(what: Given, release: PlanReleased) -> PlanDocument:
-    order = joint_order(what.team, release.plans, release.live)
-    if order.digest != release.digest:
+    order = joint_order(what.team, first.plans, first.live)
+    if order.digest != first.digest:
         raise VerificationError("the plan that was released resolves to another here")
-    return exact(what, order.toolpaths)
+    sent = sum(sum(agent.traffic.sent.values()) for agent in team.agents.values())
+    agreeing_s = team.network.now - limit_s
+    return Agreed(exact(what, order.toolpaths), agreeing_s, sent, len(first.live))
 
 
 STEP_S = 0.02
 
 
-class Recorder:
-    """A front end that keeps what it is told; `asked` is what it asks next."""
+class Recorder(FrontEnd):
+    """A front end that keeps what it is told."""
 
     def __init__(self) -> None:
-        self.asked: list[ProtocolEvent | Meet] = []
+        super().__init__()
         self.notices: list[Notice] = []
-
-    def commands(self) -> list[ProtocolEvent | Meet]:
-        """Return what is asked, once."""
-        asked, self.asked = self.asked, []
-        return asked
 
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Keep the last progress."""

@@ -45,13 +45,18 @@ class Experiment:
     name: str
     question: str
     key: tuple[str, ...]  # names of what runs differ in, besides time and seed
-    runs: Callable[[Asked], Iterator[Key]]
+    runs: Callable[[Asked], Iterator[tuple[Any, ...]]]  # the values of `key` for each
     run: Callable[[Key], Row]
     tables: Callable[[Sequence[Line]], str]  # Markdown
     draw: Callable[[Sequence[Line]], Figure]
     seconds: Sizes  # of processor time for each search
     seeds: Sizes
     compiled: tuple[str, ...]  # parts that are compiled ahead
+
+    def keys(self, asked: Asked) -> Iterator[Key]:
+        """Yield what tells each run from the others."""
+        for values in self.runs(asked):
+            yield dict(zip(self.key, values, strict=True))
 
 
 def stopping_of(key: Key, scale: int = 1) -> Stopping:
@@ -86,10 +91,6 @@ class Rows:
             lines = io.StringIO(whole.decode(UTF8, RAW), newline="")
             self.rows = list(csv.DictReader(lines))
 
-    def has(self, **key: Any) -> bool:
-        """Say whether a run with this key was made already, by this process or another."""
-        return not self.missing([key])
-
     def missing(self, keys: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
         """Return the keys of which no run was made already, by this process or another."""
         self.read()
@@ -99,13 +100,6 @@ class Rows:
     def key_of(self, row: Line) -> tuple[str, ...]:
         """Return the values of a row that say which run it was."""
         return tuple(row[name] for name in self.key)
-
-    def failures(self) -> str:
-        """Return a Markdown section on the runs that failed and were not made since, or nothing."""
-        made = {self.key_of(row) for row in self.rows if not row["error"]}
-        failed = {self.key_of(row): row["error"] for row in self.rows if row["error"]}
-        lines = [f"- {' '.join(key)}: {failed[key]}\n" for key in failed if key not in made]
-        return "\n## Failed\n\n" + "".join(lines) if lines else ""
 
     def append(self, row: dict[str, Any]) -> None:
         """Add one row at the end of the file at once; new columns are empty in older rows.

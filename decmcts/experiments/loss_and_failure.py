@@ -17,13 +17,13 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.agreeing.events import HeadFenced
 from agents.planners.team_planner import DecMctsPlanner
-from decmcts.experiments.in_memory import STEP_S, Agreed, MemoryTeam, agreed, rounds_of, weather_of
+from decmcts.experiments.in_memory import STEP_S, MemoryTeam, agreed, rounds_of
 from decmcts.experiments.kinds import (
     Asked,
     Experiment,
@@ -50,7 +50,6 @@ from decmcts.planning.problem.source import Source, read_source
 from decmcts.planning.replanning.replan import replan, rest_of
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.team.own_planner import planned_by
-from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import state_of_events
@@ -74,28 +73,19 @@ PERSON_S = {"wait_5": 300.0, "wait_30": 1800.0}
 VICTIM = 0  # the head that fails
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
+def _runs(asked: Asked) -> Iterator[tuple[Any, ...]]:
     for name in asked.prints or MADE:
         for heads in range(2, int(HEADS[asked.full]) + 1):
             for loss, delay_s in LOSSES:
                 for killed in KILLED:
-                    for moment in (0.5,) if killed else (0.0,):
-                        yield _key(name, heads, "planning", loss, delay_s, killed, moment)
+                    yield name, heads, "planning", loss, delay_s, killed, 0.5 if killed else 0.0
             for moment in MOMENTS:
-                yield _key(name, heads, "printing", 0.0, 0.0, "stopped", moment)
-
-
-def _key(
-    name: str, heads: int, phase: str, loss: float, delay_s: float, fails: str, moment: float
-) -> Key:
-    return {"print": name, "heads": heads, "phase": phase, "loss": loss, "delay_s": delay_s,
-            "fails": fails, "moment": moment}  # fmt: skip
+                yield name, heads, "printing", 0.0, 0.0, "stopped", moment
 
 
 def _run(key: Key) -> Row:
-    machine, middle = machine_for(key, int(key["heads"]), BED_MM)
-    what = given(key, machine, Cut.NONE, middle=middle)
-    return _planning(what, key) if key["phase"] == "planning" else _printing(what, machine, key)
+    what = given(key, int(key["heads"]), BED_MM, Cut.NONE)
+    return _planning(what, key) if key["phase"] == "planning" else _printing(what, key)
 
 
 def _planning(what: Given, key: Key) -> Row:
@@ -103,32 +93,25 @@ def _planning(what: Given, key: Key) -> Row:
     compile_rounds()
     planner_of = partial(DecMctsPlanner, what.team, seed=int(key["seed"]))
     at_s = float(key["moment"]) * rounds_of(key) * STEP_S
-    done = list[str]()
 
     def disturb(team: MemoryTeam) -> None:
-        if not key["fails"] or done or team.network.now < at_s:
-            return
-        done.append(key["fails"])
-        if key["fails"] == "restarted":
-            team.kill(VICTIM)
-            team.add(VICTIM, epoch=2)
-            for head in range(1, int(key["heads"])):
-                team.fronts[head].asked.append(HeadFenced(VICTIM, 1))
-        else:
+        is_first = VICTIM in team.agents and team.epochs[VICTIM] == 1
+        if key["fails"] and is_first and team.network.now >= at_s:
             team.fence(VICTIM)
+            if key["fails"] == "restarted":
+                team.add(VICTIM, epoch=2)
 
-    weather = weather_of(float(key["loss"]), float(key["delay_s"]))
-    result: Agreed = agreed(what, weather, planner_of, key, disturb)
+    result = agreed(what, planner_of, key, disturb)
     return {
         "contours": len(what.problem.job.contours),
         "makespan_s": round(result.document.plan.makespan_s, 2),
         "live": result.live,
-        "agreeing_s": round(result.released_s - result.planned_s, 2),
+        "agreeing_s": round(result.agreeing_s, 2),
         "messages": result.messages,
     }
 
 
-def _printing(what: Given, machine: Machine, key: Key) -> Row:
+def _printing(what: Given, key: Key) -> Row:
     """Print until a head stops, and plan the rest anew."""
     document = planned(what, key)
     simulation = simulate(programs_of_plan(document), document.machine)
@@ -136,8 +119,9 @@ def _printing(what: Given, machine: Machine, key: Key) -> Row:
     state = state_of_events(document, log_until(simulation, document, VICTIM, at_s))
     victim = document.machine.heads[VICTIM]
     began = time.perf_counter()
-    source = _source(key, machine, what)
-    rest = rest_of(document, source, state, {victim.name: victim.park}, LeftBeads.FINISH)
+    rest = rest_of(
+        document, _source(key, what), state, {victim.name: victim.park}, LeftBeads.FINISH
+    )
     result = replan(
         rest, TeamSearch(0.0, int(key["seed"]), cut=Cut.NONE), Rules(), writes=False,
         agents=partial(planned_by, InTurn(stopping_of(key))),
@@ -178,14 +162,13 @@ def log_until(simulation: Simulation, document: PlanDocument, head: int, time_s:
     return EventLog(log.problem, log.heads, (*before, failed))
 
 
-def _source(key: Key, machine: Machine, what: Given) -> Source:
+def _source(key: Key, what: Given) -> Source:
     """Return the print as it is replanned: under the limits that the plan was made with."""
+    machine = what.problem.machine
     _, middle = machine_for(key, int(key["heads"]), BED_MM)
     with print_file(key, middle) as path:
-        source = read_source(
-            path, what.problem.machine, limits=Limits.MACHINE, report=unheard
-        )  # fmt: skip
-    return replace(source, machine=what.problem.machine)
+        source = read_source(path, machine, limits=Limits.MACHINE, report=unheard)
+    return replace(source, machine=machine)
 
 
 def clairvoyant_s(document: PlanDocument, fails_s: float) -> float:

@@ -2,8 +2,7 @@
 
 It holds one of everything a careless reordering could spoil: a skirt that primes,
 loops, a loop of arcs, an open infill path, a fan, accelerations and a temperature that
-change, and retraction before every longer travel. `made_tools_gcode` has two tools that
-retract each in their own way, and a macro that pushes back what the file pulls.
+change, and retraction before every longer travel.
 """
 
 from __future__ import annotations

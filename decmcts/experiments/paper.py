@@ -12,10 +12,10 @@ Yoo et al. 2020, Sec. IV: MCTS and local search against the slicer, as a box plo
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -44,20 +44,21 @@ from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.planners import PLANNERS, plan_order
 from decmcts.search.sequence.planner import Planner
 
-AS_PUBLISHED = (math.sqrt(2.0), 0.5, 0.0)  # exploration, Γ, chance of the nearest cluster
+USUAL = 1.4142  # the square root of 2
+AS_PUBLISHED = (USUAL, 0.5, 0.0)  # exploration, Γ, chance of the nearest cluster
 MOSTLY = 0.995  # such a chance: rollouts are greedy but for one step in two hundred
 METHODS: dict[str, tuple[float, float, float] | None] = {  # None: no parameters
     "slicer": None,
     "greedy": None,
     "local": None,
     "mcts": AS_PUBLISHED,
-    "mcts, Γ 1": (math.sqrt(2.0), 1.0, 0.0),
-    "mcts, Γ 1, nearest": (math.sqrt(2.0), 1.0, MOSTLY),
+    "mcts, Γ 1": (USUAL, 1.0, 0.0),
+    "mcts, Γ 1, nearest": (USUAL, 1.0, MOSTLY),
     "mcts, Γ 1, nearest, exploits": (0.001, 1.0, MOSTLY),
-    "rollouts, Γ 1, nearest": (math.sqrt(2.0), 1.0, MOSTLY),
+    "rollouts, Γ 1, nearest": (USUAL, 1.0, MOSTLY),
 }
 COMPARED = [name for name in METHODS if name != "slicer"]
-EXPLORATIONS = math.sqrt(2.0), 0.01, 0.0001
+EXPLORATIONS = USUAL, 0.01, 0.0001
 THRESHOLDS, CHANCES = (0.5, 1.0), (0.0, 0.95, 0.995)
 STEPS = 10_000  # iterations of a search for each that is asked for
 MADE = ("four_nuts", "grid-3-12-12", "row-6-14-4", "strewn-9-10-1", "strewn-16-8-2")
@@ -65,24 +66,14 @@ RULES = Rules(process_order=ProcessOrder.FREE, quality=False, freedom=Freedom.FI
 CURVE = 60  # points of a curve that are kept
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
+def _runs(asked: Asked) -> Iterator[tuple[Any, ...]]:
     prints = asked.prints or MADE
     for name in prints:
         for method in METHODS:
-            yield _key(name, method, METHODS[method])
+            yield name, method, *(METHODS[method] or ("", "", ""))
     for name in prints if asked.full else prints[:1]:
-        for exploration in EXPLORATIONS:
-            for threshold in THRESHOLDS:
-                for nearest in CHANCES:
-                    yield _key(name, "parameters", (exploration, threshold, nearest))
-
-
-def _key(name: str, method: str, of: tuple[float, float, float] | None) -> Key:
-    exploration, threshold, nearest = of or ("", "", "")
-    if isinstance(exploration, float):
-        exploration = round(exploration, 4)
-    return {"print": name, "method": method, "exploration": exploration, "gamma": threshold,
-            "nearest": nearest}  # fmt: skip
+        for parameters in product(EXPLORATIONS, THRESHOLDS, CHANCES):
+            yield name, "parameters", *parameters
 
 
 def planner_of(key: Key) -> Planner:

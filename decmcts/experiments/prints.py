@@ -69,18 +69,14 @@ def own_prints(folder: Path) -> tuple[str, ...]:
 
 
 def _made(word: str, numbers: Sequence[int], middle: Point) -> str:
+    count, size, last = numbers  # the last is a gap, mm, or the seed
+    at = [(k - (count - 1) / 2.0) * (size + PIN_MM + last) for k in range(count)]
     if word == "row":
-        count, size, gap = numbers
-        step = size + PIN_MM + gap
-        places = [((k - (count - 1) / 2.0) * step, 0.0) for k in range(count)]
+        places = [(x, 0.0) for x in at]
     elif word == "grid":
-        count, size, gap = numbers
-        step = size + PIN_MM + gap
-        at = [(k - (count - 1) / 2.0) * step for k in range(count)]
         places = [(x, y) for y in at for x in at]
     else:
-        count, size, seed = numbers
-        places = _strewn(count, size + PIN_MM + 2.0, seed)
+        places = _strewn(count, size + PIN_MM + 2.0, last)
     centres = [(middle[0] + x, middle[1] + y) for x, y in places]
     return made_gcode(centres, size_mm=float(size), layers=LAYERS)
 

@@ -116,14 +116,19 @@ def experiment(
     ...
     decmcts.errors.InputError: no experiment 'two-hats'; there are two-heads, ...
     """
-    chosen = _chosen(name)
+    if name not in EXPERIMENTS:
+        raise InputError(f"no experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
+    chosen = EXPERIMENTS[name]
     for what, count in (("seeds", seeds), ("iterations", iterations), ("jobs", jobs)):
         if count is not None and count < 1:
             raise InputError(f"{count} {what} are none, at least 1 is needed")
     asked = Asked(full, () if prints is None else own_prints(Path(prints)))
     own = "" if prints is None else str(Path(prints).resolve())
-    csv, page, picture = (Path(folder) / f"{name}{end}" for end in (".csv", ".md", ".png"))
-    _make_folder(Path(folder))
+    into = Path(folder)
+    if into.exists() and not into.is_dir():
+        raise InputError("it is no folder", path=into, advice="name another one with -o")
+    into.mkdir(parents=True, exist_ok=True)
+    csv, page, picture = (into / f"{name}{end}" for end in (".csv", ".md", ".png"))
     for path in (csv, page, picture):
         refuse_place(path)
     rows = Rows(csv, (*chosen.key, *SHARED))
@@ -139,18 +144,6 @@ def experiment(
     return _shown(chosen, rows, keys, page, picture, report)
 
 
-def _chosen(name: str) -> Experiment:
-    if name not in EXPERIMENTS:
-        raise InputError(f"no experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
-    return EXPERIMENTS[name]
-
-
-def _make_folder(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise InputError("it is no folder", path=folder, advice="name another one with -o")
-    folder.mkdir(parents=True, exist_ok=True)
-
-
 def _keys(
     chosen: Experiment, asked: Asked, seconds: float | None, iterations: int | None,
     seeds: int | None,
@@ -158,7 +151,7 @@ def _keys(
     """Yield the keys of all runs that are asked for."""
     own = chosen.seconds[asked.full] if seconds is None else seconds
     count = int(chosen.seeds[asked.full]) if seeds is None else seeds
-    for key in chosen.runs(asked):
+    for key in chosen.keys(asked):
         for seed in range(count):
             yield {
                 **key, "seconds": 0.0 if iterations else own, "iterations": iterations or 0,
@@ -272,10 +265,7 @@ CONNECT_S = 10.0
 def cluster_at(address: str) -> Iterator[Executor]:
     """Yield what computes by the workers of a cluster, each of which has this version installed.
 
-    Raises
-    ------
-    InputError
-        Where Dask is not installed, or no scheduler answers at the address.
+    InputError where Dask is not installed, or no scheduler answers at the address.
     """
     try:
         from distributed import Client

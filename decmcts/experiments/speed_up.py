@@ -10,6 +10,7 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -29,12 +30,11 @@ from decmcts.experiments.kinds import (
     stopping_of,
 )
 from decmcts.experiments.prints import shown
-from decmcts.experiments.teams import Given, figures, given, machine_for, planned
+from decmcts.experiments.teams import Given, figures, given, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.planning.problem.planned import source_plan
 from decmcts.planning.team.pipeline import lags_of
-from decmcts.print.plan import PlanDocument
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.team.engine.alone import lone_machine
@@ -66,9 +66,9 @@ def _alone_s(what: Given, key: Key) -> float:
     return plan.makespan_s
 
 
-def _against_one_head(what: Given, document: PlanDocument, key: Key) -> Row:
-    """Return the figures of a plan, and how much sooner it ends than one head alone."""
-    one_s, row = _alone_s(what, key), figures(what, document)
+def _against_one_head(what: Given, key: Key) -> Row:
+    """Return the figures of a team's plan, and how much sooner it ends than one head alone."""
+    row, one_s = figures(what, planned(what, key)), _alone_s(what, key)
     return {
         **row,
         "one_head_s": round(one_s, 2),
@@ -85,7 +85,7 @@ def _columns(rows: Sequence[Line]) -> list[str]:
     ]  # fmt: skip
 
 
-def _runs_of_two(asked: Asked) -> Iterator[Key]:
+def _runs_of_two(asked: Asked) -> Iterator[tuple[Any, ...]]:
     counts, sizes, gaps = FULL if asked.full else (COUNTS, SIZES_MM, GAPS_MM)
     made = [
         f"row-{count}-{size}-{gap if count > 1 else 0}"
@@ -94,16 +94,12 @@ def _runs_of_two(asked: Asked) -> Iterator[Key]:
     ]
     for name in dict.fromkeys(asked.prints or made):
         for cut in (Cut.NONE, Cut.INSIDE):
-            yield {"print": name, "cut": cut.value}
+            yield name, cut.value
 
 
 def _run_of_two(key: Key) -> Row:
-    machine, middle = machine_for(key, 2, BED_MM)
-    what = given(key, machine, Cut(key["cut"]), middle=middle)
-    document = planned(what, key)
-    return {
-        **_against_one_head(what, document, key), "pieces": len(what.problem.job.contours),
-    }  # fmt: skip
+    what = given(key, 2, BED_MM, Cut(key["cut"]))
+    return _against_one_head(what, key) | {"pieces": len(what.problem.job.contours)}
 
 
 def _tables_of_two(rows: Sequence[Line]) -> str:
@@ -150,25 +146,23 @@ TWO_HEADS = Experiment(
 )  # fmt: skip
 
 
-def _runs_of_many(asked: Asked) -> Iterator[Key]:
+def _runs_of_many(asked: Asked) -> Iterator[tuple[Any, ...]]:
     own = [(name, Cut.ALL) for name in asked.prints]
     for name, cut in own or SHARED:
         for heads in ALL_HEADS if asked.full else SOME_HEADS:
-            yield {"print": name, "cut": cut.value, "heads": heads}
+            yield name, cut.value, heads
 
 
 def _run_of_many(key: Key) -> Row:
     heads = int(key["heads"])
-    machine, middle = machine_for(key, max(2, heads), LONG_MM)
     cut = Cut(key["cut"]) if heads > 1 else Cut.NONE
-    what = given(key, machine, cut, middle=middle)
+    what = given(key, max(2, heads), LONG_MM, cut)
     if heads == 1:
         one_s = round(_alone_s(what, key), 2)
         return {"contours": len(what.whole.job.contours), "makespan_s": one_s,
                 "one_head_s": one_s, "speedup": 1.0, "most": 1.0, "waits": 0.0,
                 "idle": 0.0}  # fmt: skip
-    document = planned(what, key)
-    return _against_one_head(what, document, key)
+    return _against_one_head(what, key)
 
 
 def _tables_of_many(rows: Sequence[Line]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from decmcts.experiments.kinds import Key, Row, stopping_of
-from decmcts.experiments.prints import MIDDLE_MM, Point, is_own, print_file
+from decmcts.experiments.prints import Point, is_own, print_file
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules
@@ -58,12 +58,14 @@ def machine_for(key: Key, heads: int, length_mm: float) -> tuple[Machine, Point]
     return pair if own else rail_machine(pair, heads, length_mm), middle
 
 
-def given(key: Key, machine: Machine, cut: Cut = Cut.NONE, *, middle: Point = MIDDLE_MM) -> Given:
-    """Read a print, and cut it where heads then share it sooner; InputError as of `launch`."""
+def given(key: Key, heads: int, length_mm: float, cut: Cut) -> Given:
+    """Read a print for so many heads, and cut it where they then share it sooner.
+
+    InputError as of `launch`.
+    """
+    machine, middle = machine_for(key, heads, length_mm)
     with print_file(key, middle) as path:
-        source = read_source(
-            path, machine, limits=Limits.SOURCE, report=unheard
-        )  # fmt: skip
+        source = read_source(path, machine, limits=Limits.SOURCE, report=unheard)
         problem = team_problem(source, Rules(), unheard)
     return given_by(problem, cut)
 
@@ -125,9 +127,5 @@ def figures(what: Given, document: PlanDocument) -> Row:
 
 def printing_s(document: PlanDocument) -> float:
     """Return how long all beads of a plan take."""
-    return float(
-        sum(
-            (head.end_s - head.begin_s)[head.kind == ActionKind.PRINT].sum()
-            for head in document.plan.heads
-        )
-    )
+    heads = document.plan.heads
+    return float(sum((h.end_s - h.begin_s)[h.kind == ActionKind.PRINT].sum() for h in heads))

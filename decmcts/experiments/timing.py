@@ -19,6 +19,7 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -38,7 +39,7 @@ from decmcts.experiments.kinds import (
     spread,
 )
 from decmcts.experiments.prints import shown
-from decmcts.experiments.teams import given, machine_for, planned
+from decmcts.experiments.teams import given, planned
 from decmcts.planning.compiling.parts import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.plan import PlanDocument
@@ -55,21 +56,19 @@ DRAWS = Sizes(5, 100)
 PLANNED = ("print", "folder", "seconds", "iterations", "seed")  # what a plan depends on
 
 
-def _runs(asked: Asked) -> Iterator[Key]:
+def _runs(asked: Asked) -> Iterator[tuple[Any, ...]]:
     for name in asked.prints or MADE:
         for timing in KINDS:
             for error in ERRORS:
                 draws = 1 if error == 0.0 else int(DRAWS[asked.full])
-                yield {"print": name, "timing": timing.value, "error_share": error, "draws": draws}
+                yield name, timing.value, error, draws
 
 
 @lru_cache(maxsize=1)
 def _plan(*of: str | float) -> PlanDocument:
     """Return the joint plan of `PLANNED`; runs of one print in a process have the same."""
     key = dict(zip(PLANNED, of, strict=True))
-    machine, middle = machine_for(key, 2, 300.0)
-    what = given(key, machine, Cut.INSIDE, middle=middle)
-    return planned(what, key)
+    return planned(given(key, 2, 300.0, Cut.INSIDE), key)
 
 
 def _run(key: Key) -> Row:

@@ -158,7 +158,7 @@ def test_hostile_bytes_are_dropped_counted_and_survived() -> None:
     """Garbage, huge and forged messages in the middle of planning and agreeing."""
     team = Team(2, Weather())
     rng = np.random.default_rng(7)
-    goodbye = encode(Envelope.of(1, 1, 10**9, Goodbye("", "forged")))
+    goodbye = encode(Envelope(1, 1, 10**9, Goodbye("", "forged")))
     for _ in range(60):
         team.run(0.1)
         for kind in ("distribution", "proposal", "commit"):
@@ -179,8 +179,8 @@ def test_plans_that_name_unknown_work_are_dropped_not_fatal() -> None:
     wild = np.int32([-5, 10**9])
     notices = Distribution((wild,), np.float64([1.0]))
     forged = [
-        Envelope.of(1, 1, 10**6, notices),
-        Envelope.of(1, 1, 10**6 + 1, Proposal((0, 1), {1: wild}, 0.5, "ab" * 16)),
+        Envelope(1, 1, 10**6, notices),
+        Envelope(1, 1, 10**6 + 1, Proposal((0, 1), {1: wild}, 0.5, "ab" * 16)),
     ]
     for envelope in forged:
         packet = Packet(1, kind_of(envelope.message), encode(envelope))

@@ -57,7 +57,7 @@ def test_300_mutated_messages_bring_no_agent_down() -> None:
     for trial in range(300):
         message = MESSAGES[trial % len(MESSAGES)]
         number = int(rng.integers(2**62)) if trial % 5 else trial
-        payload = bytearray(encode(Envelope.of(1, 1, number, message)))
+        payload = bytearray(encode(Envelope(1, 1, number, message)))
         for _ in range(int(rng.integers(1, 4))):
             payload[int(rng.integers(len(payload)))] = int(rng.integers(256))
         cut = len(payload) if trial % 3 else int(rng.integers(len(payload)))
@@ -98,7 +98,7 @@ def many(kind: str) -> Iterator[bytes]:
             "beat": Beat(1 + number),
             "goodbye": Goodbye(digest, "y" * 200),
         }
-        yield encode(Envelope.of(1, 1, 2**40 + number, told[kind]))
+        yield encode(Envelope(1, 1, 2**40 + number, told[kind]))
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS.values()))

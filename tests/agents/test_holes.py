@@ -144,7 +144,7 @@ def test_a_late_token_does_not_undo_a_fence() -> None:
     team.run(0.5)
     team.fence(1)
     team.run(0.1)
-    late = encode(Envelope.of(1, 1, 10**6, team_hello(team)))
+    late = encode(Envelope(1, 1, 10**6, team_hello(team)))
     for _ in range(3):
         team.network.transports[0].inbox.append(Presence(1, 1, True))
         team.network.transports[0].inbox.append(Packet(1, "hello", late))
@@ -213,7 +213,7 @@ def test_a_flood_of_proposals_is_resolved_a_few_a_tick() -> None:
 
 
 def publish(team: Team, i: int, message: Message) -> None:
-    envelope = Envelope.of(1, 1, 10**6 + i, message)
+    envelope = Envelope(1, 1, 10**6 + i, message)
     team.network.publish(Packet(1, kind_of(message), encode(envelope)))
 
 

@@ -86,7 +86,7 @@ WAYS = re.compile(
 )
 KNOWN = {  # what else leads to a terminal or to a pipe, and what is said there
     "decmcts/cli/console.py": {"SafeConsole", "sys.stdout.write"},  # JSON: controls as escapes
-    "decmcts/cli/app.py": {"typer.echo"},  # our version
+    "decmcts/cli/options.py": {"typer.echo"},  # our version
     "decmcts/cli/signals.py": {"os.write"},  # a line of ours
     "decmcts/cli/streams.py": {"sys.stderr.write"},  # the system's words
     "decmcts/cli/__init__.py": {"sys.stderr.write"},  # a line of ours

@@ -14,9 +14,8 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli import signals
-from decmcts.cli.console import written
+from decmcts.cli.console import running, written
 from decmcts.cli.run import run
-from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.planning.events import Step
 

@@ -151,9 +151,9 @@ def test_every_run_has_a_key_of_its_own(name: str) -> None:
     """Else a row would stand for two runs."""
     chosen = EXPERIMENTS[name]
     for full in (False, True):
-        keys = [tuple(str(key[n]) for n in chosen.key) for key in chosen.runs(Asked(full))]
+        keys = [tuple(str(key[n]) for n in chosen.key) for key in chosen.keys(Asked(full))]
         assert len(keys) == len(set(keys)) > 0
-    assert all(set(key) == set(chosen.key) for key in chosen.runs(Asked()))
+    assert all(set(key) == set(chosen.key) for key in chosen.keys(Asked()))
 
 
 @pytest.mark.long

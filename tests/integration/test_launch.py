@@ -23,7 +23,7 @@ from agents.launching.status import AgentStatus, LaunchError
 from agents.messages.codec import MAX_MESSAGE_BYTES
 from agents.messages.keys import Keys
 from agents.networks.meeting import Meeting
-from agents.networks.zenoh_session import Endpoints, configured
+from agents.networks.zenoh_session import configured
 from decmcts.search.sequence.stopping import Stopping
 from tests.agents.toy import load_balance
 
@@ -227,7 +227,7 @@ def shout(meeting: Meeting, ended: threading.Event) -> None:
     keys, giant = Keys(meeting.seal), bytes(MAX_MESSAGE_BYTES + 100_000)
     forged = msgpack.packb(["goodbye", 1, 1, 2**62, "", "forged"])
     at = [f"unixsock-stream/{Path(meeting.places[0]).parent.name}/none", *meeting.places]
-    with configured(Endpoints(at[0], tuple(at[1:])), meeting.seal) as config:
+    with configured(at[0], at[1:], meeting.seal) as config:
         config.insert_json5("listen/endpoints", "[]")
         hostile = zenoh.open(config)
     with hostile:

@@ -24,7 +24,7 @@ from agents.messages.keys import Keys
 from agents.messages.kinds import Presence
 from agents.messages.seal import Seal
 from agents.networks.transport import Arrival, Packet
-from agents.networks.zenoh_session import LEASE_MS, Endpoints, configured
+from agents.networks.zenoh_session import LEASE_MS, configured
 from agents.networks.zenoh_transport import QUEUE_BYTES, ZenohTransport, ring_size, stood_still
 from decmcts.errors import InputError
 from tests.agents.sealed import OTHER, SEAL
@@ -101,8 +101,7 @@ def child(body: str = "pass") -> Iterator[tuple[ZenohTransport, subprocess.Popen
 
 def test_the_configuration_closes_every_insecure_default() -> None:
     """zenoh listens on all interfaces, scouts, gossips and takes 1 GiB unless told not to."""
-    endpoints = Endpoints("tcp/127.0.0.1:7447", ("tcp/127.0.0.1:7448",))
-    with configured(endpoints, SEAL) as config:
+    with configured("tcp/127.0.0.1:7447", ["tcp/127.0.0.1:7448"], SEAL) as config:
         known = {key: json.loads(config.get_json(key)) for key in KEYS}
 
     def value(key: str) -> object:
@@ -405,8 +404,11 @@ def test_a_session_whose_folder_is_gone_says_so_and_moves(places: tuple[str, ...
 @contextmanager
 def stranger(place: str, seal: Seal | None) -> Iterator[zenoh.Session]:
     """Open a session that connects to a head: with the password of a seal, or with none."""
-    known = Endpoints("unixsock-stream/none", ())
-    with nullcontext(zenoh.Config()) if seal is None else configured(known, seal) as config:
+    with (
+        nullcontext(zenoh.Config())
+        if seal is None
+        else configured("unixsock-stream/none", [], seal)
+    ) as config:
         config.insert_json5("mode", '"peer"')
         config.insert_json5("scouting/multicast/enabled", "false")
         config.insert_json5("listen/endpoints", "[]")

@@ -90,10 +90,7 @@ def solve(
         target = source.with_name(re.sub(r"\.sop(\.gz)?$", "", source.name, flags=re.I) + ".tour")
     refuse_unwritable([target], source)
     refuse_two_on_stdout(output, as_json=as_json)
-    with (
-        interrupt_stops(at_work) as stop,
-        steps(time_limit_s=time_limit_s, unit="") as progress,
-    ):
+    with interrupt_stops(at_work) as stop, steps(time_limit_s=time_limit_s, unit="") as progress:
         progress(Step(f"reading {source.name}"))
         began = time.perf_counter()
         problem = kind.read(source)

@@ -9,13 +9,12 @@ from typing import Annotated
 import typer
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import out, steps
 from decmcts.experiments.run import EXPERIMENTS, cluster_at
 from decmcts.experiments.run import experiment as run_experiment
 
 
-@app.command()
+@opt.app.command()
 def experiment(
     name: Annotated[str | None, typer.Argument(help="Which one; without it all are listed")] = None,
     folder: Annotated[

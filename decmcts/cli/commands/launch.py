@@ -10,12 +10,10 @@ import typer
 
 from agents import extruder
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.commands.plan import ONLY_SHOWN, titled, write_extras
 from decmcts.cli.commands.replay import heads_table, recording
-from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.console import err, out, print_json, running, steps, written
 from decmcts.cli.lines import figures, gain_table, searched_line, team_lines
-from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import is_qcsp
@@ -26,17 +24,7 @@ from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Event, Heads, Step
 from decmcts.planning.launch import crew_started
 from decmcts.planning.launch import launch as launch_heads
-from decmcts.planning.options import (
-    STAGGER_MM,
-    Cut,
-    Freedom,
-    Limits,
-    Objective,
-    ProcessOrder,
-    Rules,
-    Seam,
-    TeamSearch,
-)
+from decmcts.planning.options import RULES, TEAM_SEARCH, Cut, Limits, Objective, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import with_tools
 from decmcts.planning.problem.slicing import Slicing
 from decmcts.planning.read import read
@@ -53,7 +41,7 @@ from decmcts.team.engine.space import eligibility
 from sim.pictures.layer_travels import require_layer
 
 
-@app.command()
+@opt.app.command()
 def launch(
     context: typer.Context,
     source: opt.Input,
@@ -79,9 +67,9 @@ def launch(
         ),
     ] = None,
     plate: opt.PlateOption = None,
-    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = Seam.NEAREST,
-    process_order: opt.ProcessOption = ProcessOrder.KEEP,
+    freedom: opt.FreedomOption = RULES.freedom,
+    seam: opt.SeamOption = RULES.seam,
+    process_order: opt.ProcessOption = RULES.process_order,
     objective: Annotated[
         Objective,
         opt.search(
@@ -89,13 +77,13 @@ def launch(
             "The makespan comes first; this is what one head's own order and the points "
             "contours are entered at save: travel (mm) or time",
         ),
-    ] = Objective.TRAVEL,
+    ] = TEAM_SEARCH.objective,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
     without_tower: opt.TowerOption = False,
-    time_limit: opt.TimeOption = 30.0,
+    time_limit: opt.TimeOption = TEAM_SEARCH.time_limit_s,
     seed: opt.SeedOption = 0,
     team: Annotated[
         Path | None,
@@ -108,7 +96,7 @@ def launch(
             "What may be cut so that heads share it, where the print ends sooner so: "
             "nothing, infill and inner walls, or outer walls too",
         ),
-    ] = Cut.INSIDE,
+    ] = TEAM_SEARCH.cut,
     weld_limit_s: opt.WeldOption = None,
     stagger_mm: opt.StaggerOption = None,
     plan_file: opt.PlanOption = None,
@@ -153,7 +141,7 @@ def launch(
     parameters = {} if team is None else read_parameters(team)
     search = TeamSearch(
         time_limit, seed, objective, parameters, cut, weld_limit_s,
-        stagger_mm=STAGGER_MM if stagger_mm is None else stagger_mm,
+        stagger_mm=TEAM_SEARCH.stagger_mm if stagger_mm is None else stagger_mm,
     )  # fmt: skip
     result = run_team(
         source, chosen, search, rules, limits=limits, plate=plate, record=record,
@@ -244,7 +232,7 @@ def show_joint(
     out.show(searched, *heads, *more, *(f"wrote {path}" for path in paths))
 
 
-@app.command(
+@opt.app.command(
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
     add_help_option=False,
 )
@@ -253,7 +241,7 @@ def agent(context: typer.Context) -> None:
     raise typer.Exit(extruder.main(context.args))
 
 
-@app.command()
+@opt.app.command()
 def demo(
     folder: Annotated[Path, opt.basics("--out FOLDER", "Folder for the results")] = Path("out"),
     time_limit: opt.TimeOption = 10.0,

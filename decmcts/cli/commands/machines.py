@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import out, print_json
 from decmcts.errors import InputError
 from decmcts.formats.files.names import as_file_name
@@ -14,7 +13,7 @@ from decmcts.formats.machines.machine_file import load_machine, preset_names
 from decmcts.print.machine import Machine
 
 
-@app.command()
+@opt.app.command()
 def machines(
     draw: Annotated[
         Path | None,
@@ -36,11 +35,11 @@ def machines(
     if folder is not None and not folder.is_dir():
         raise InputError("no such folder", path=folder, advice="make it first")
     listed = [load_machine(name) for name in (preset_names() if machine is None else [machine])]
-    for m in listed if draw is not None else []:
+    if draw is not None:
         from sim.pictures.machine_picture import draw_machine  # takes a second to load
 
-        assert draw is not None
-        draw_machine(m, draw if is_file else draw / f"{as_file_name(m.name)}.png")
+        for m in listed:
+            draw_machine(m, draw if is_file else draw / f"{as_file_name(m.name)}.png")
     if as_json:
         print_json("decmcts-machines/1", {"machines": [facts(m) for m in listed]})
         return
@@ -54,10 +53,9 @@ def show_machine(m: Machine) -> None:
     """Print a machine in a few lines."""
     from rich.padding import Padding
 
-    known = facts(m)
     bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
-    slices = ", ".join(f"{height:g}" for height in known["slices_mm"])
-    heads = " ".join(known["heads"])
+    slices = ", ".join(f"{part.height_mm:g}" for part in m.heads[0].slices)
+    heads = " ".join(head.name for head in m.heads)
     out.show(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm")
     out.print(Padding(m.source.split(";")[0], (0, 0, 0, 4)))
 

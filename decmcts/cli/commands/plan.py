@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
-from decmcts.cli.console import SafeConsole, err, out, print_json, steps, written
+from decmcts.cli.console import SafeConsole, err, out, print_json, running, steps, written
 from decmcts.cli.lines import (
     bound_line,
     changes_line,
@@ -19,7 +18,6 @@ from decmcts.cli.lines import (
     searched_line,
     whole_file_line,
 )
-from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
@@ -28,17 +26,7 @@ from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, is_mesh, refuse_ot
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Step, unheard
-from decmcts.planning.options import (
-    AvoidWalls,
-    Freedom,
-    Limits,
-    Objective,
-    PlannerName,
-    ProcessOrder,
-    Rules,
-    Seam,
-    Search,
-)
+from decmcts.planning.options import RULES, SEARCH, Limits, PlannerName, Rules, Search
 from decmcts.planning.plan import plan as find_order
 from decmcts.planning.problem.slicing import AUTO, Slicing, choose_slicer
 from decmcts.planning.read import read
@@ -61,7 +49,7 @@ ONLY_SHOWN = (
 )
 
 
-@app.command()
+@opt.app.command()
 def plan(
     context: typer.Context,
     source: opt.Input,
@@ -69,16 +57,16 @@ def plan(
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
-    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = Seam.NEAREST,
-    process_order: opt.ProcessOption = ProcessOrder.KEEP,
-    objective: opt.ObjectiveOption = Objective.TRAVEL,
+    freedom: opt.FreedomOption = RULES.freedom,
+    seam: opt.SeamOption = RULES.seam,
+    process_order: opt.ProcessOption = RULES.process_order,
+    objective: opt.ObjectiveOption = SEARCH.objective,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
-    avoid_walls: opt.AvoidOption = AvoidWalls.AUTO,
-    time_limit: opt.TimeOption = 30.0,
+    avoid_walls: opt.AvoidOption = RULES.avoid_walls,
+    time_limit: opt.TimeOption = SEARCH.time_limit_s,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     certificate: Annotated[
@@ -182,12 +170,8 @@ def write_extras(
 ) -> list[Path]:
     """Write report, picture (of one layer) and plan.json where asked; returns what was written.
 
-    A report or a picture that cannot be written costs nothing else: it is told of.
-
-    Raises
-    ------
-    InputError
-        When plan.json cannot be written.
+    A report or a picture that cannot be written costs nothing else: it is told of. InputError
+    when plan.json cannot be written.
     """
     draw = partial(result.write_picture, layer=layer)
     works = ((report, result.write_report), (picture, draw), (plan, result.write_plan))
@@ -255,12 +239,7 @@ def run_single(
 
 
 def show(
-    made: Written,
-    paths: list[Path],
-    *,
-    as_json: bool,
-    verbose: bool = False,
-    to: SafeConsole = out,
+    made: Written, paths: list[Path], *, as_json: bool, verbose: bool = False, to: SafeConsole = out
 ) -> None:
     """Print the summary, for a person (`to` a console) or for a program."""
     result, times = made.result, made.times
@@ -269,7 +248,7 @@ def show(
     if as_json:
         print_json("decmcts-result/1", figures(result, paths, times))
         return
-    show_notes(result)
+    err.show(*source_lines(planned.problem.job))
     kept = times is not None and times.kept
     to.show(titled(result))
     if not kept:  # else nothing has changed
@@ -294,8 +273,3 @@ def titled(result: Result) -> str:
     document = result.document
     contours = f"{len(document.contours):,} contours"
     return f"{result.source.name} on {document.machine.name}: {contours}, verified"
-
-
-def show_notes(result: Result) -> None:
-    """Say what in the source bound the search, or was not taken as it is."""
-    err.show(*source_lines(result.planned.problem.job))

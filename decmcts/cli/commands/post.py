@@ -26,8 +26,7 @@ import typer
 from typer.core import TyperCommand
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
-from decmcts.cli.commands.plan import run_single, show_notes, write_extras
+from decmcts.cli.commands.plan import run_single, write_extras
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.lines import figures, plain_lines, searched_line, whole_file_line
 from decmcts.cli.signals import interrupt_stops
@@ -35,20 +34,10 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_header import AsSliced, as_sliced
 from decmcts.formats.mesh import is_mesh
-from decmcts.planning.options import (
-    AvoidWalls,
-    Freedom,
-    Limits,
-    Objective,
-    PlannerName,
-    ProcessOrder,
-    Rules,
-    Seam,
-    Search,
-)
+from decmcts.planning.options import RULES, SEARCH, Limits, PlannerName, Rules, Search
 from decmcts.planning.problem.source import beside, exported_file, is_foreign
 from decmcts.planning.result import Written
-from decmcts.planning.writing.lines import layers_line
+from decmcts.planning.writing.lines import layers_line, source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place, refuse_unwritable
 
 BESIDE = Path("beside")  # no name such an option takes: its file stands next to the exported one
@@ -83,15 +72,10 @@ class OptionalFiles(TyperCommand):
         return super().parse_args(ctx, completed(args))
 
 
-def words_of(context: typer.Context) -> list[str]:
-    """Return the arguments of such a command as they were given."""
-    return list(context.meta.get(__name__, ()))
-
-
 BESIDE_WORDS = "; without FILE next to the exported G-code"
 
 
-@app.command(cls=OptionalFiles)
+@opt.app.command(cls=OptionalFiles)
 def post(
     context: typer.Context,
     path: Annotated[
@@ -100,16 +84,16 @@ def post(
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
-    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
-    seam: opt.SeamOption = Seam.NEAREST,
-    process_order: opt.ProcessOption = ProcessOrder.KEEP,
-    objective: opt.ObjectiveOption = Objective.TRAVEL,
+    freedom: opt.FreedomOption = RULES.freedom,
+    seam: opt.SeamOption = RULES.seam,
+    process_order: opt.ProcessOption = RULES.process_order,
+    objective: opt.ObjectiveOption = SEARCH.objective,
     limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
-    avoid_walls: opt.AvoidOption = AvoidWalls.AUTO,
-    time_limit: opt.TimeOption = 30.0,
+    avoid_walls: opt.AvoidOption = RULES.avoid_walls,
+    time_limit: opt.TimeOption = SEARCH.time_limit_s,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     make_safe: opt.MakeSafeOption = False,
@@ -176,7 +160,7 @@ def named_beside(exported: Path, ending: str) -> Path | None:
 
 def show_script_line(context: typer.Context) -> None:
     """Show what to paste into a slicer, with the options that were given."""
-    words = [word for word in words_of(context) if word != "--show-line"]
+    words = [word for word in context.meta[__name__] if word != "--show-line"]
     if context.params["path"] is not None:
         raise InputError("the slicer names the file itself", advice="leave it out with --show-line")
     line = script_line(own_program(), ["post", *wherever_it_runs(words)], windows=os.name == "nt")
@@ -212,8 +196,8 @@ def show_rewritten(
         paths = [*([] if kept else [path]), *views]
         print_json("decmcts-result/1", figures(result, paths, times))
         return
-    show_notes(result)
     planned = result.planned
+    err.show(*source_lines(planned.problem.job))
     before, after = planned.before.metrics, planned.after.metrics
     name = result.source.name
     if times is not None and kept:

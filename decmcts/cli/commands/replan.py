@@ -9,12 +9,10 @@ import typer
 
 from agents.messages.event_stream import read_events
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.commands.launch import show_joint
 from decmcts.cli.commands.replay import heads_table
-from decmcts.cli.console import print_json, steps, written
+from decmcts.cli.console import print_json, running, steps, written
 from decmcts.cli.lines import figures
-from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import write_all
@@ -58,7 +56,7 @@ LeftOption = Annotated[
 ]
 
 
-@app.command()
+@opt.app.command()
 def replan(
     plan: Annotated[Path, typer.Argument(help="PLAN.json that was carried out")],
     source: Annotated[Path, opt.basics("--source FILE", "The G-code it was made from")],

@@ -20,8 +20,8 @@ from rich.live import Live
 from rich.table import Table
 
 from agents.launching.status import AgentStatus
-from decmcts.cli.app import app
 from decmcts.cli.console import err, out
+from decmcts.cli.options import app
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_SECONDS
 from decmcts.formats.files.fields import Fields, shown

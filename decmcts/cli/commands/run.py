@@ -6,6 +6,9 @@ import math
 import os
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from queue import Queue
 from typing import Annotated, Any
@@ -15,7 +18,6 @@ from rich.live import Live
 from rich.table import Table
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.commands.replan import LeftOption, PrintWithOption
 from decmcts.cli.commands.simulate import ErrorOption, QueueOption, TimingOption
 from decmcts.cli.console import err, out, print_json, steps
@@ -29,22 +31,18 @@ from decmcts.planning.read import read
 from decmcts.planning.replanning.fenced import other_tools, refuse_other_diameters
 from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.keeping import Keeping, refuse_earlier
-from decmcts.planning.running.options import Failure, RunOptions, RunView, Show
+from decmcts.planning.running.options import Failure, RunOptions, RunView, Show, unseen
 from decmcts.planning.running.recorded import unkept
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
-from decmcts.planning.writing.places import (
-    refuse_other_suffixes,
-    refuse_stdout,
-    refuse_unwritable,
-)
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.print.figures import clock_time
 from decmcts.print.plan import PlanDocument
 from sim.controllers.motion import QUEUE
 from sim.controllers.timing import Timing
 
 
-@app.command()
+@opt.app.command()
 def run(
     plan: Annotated[Path, typer.Argument(help="PLAN.json of `launch`")],
     source: Annotated[
@@ -61,8 +59,7 @@ def run(
     timing: TimingOption = Timing.NONE,
     error: ErrorOption = 0.2,
     seed: Annotated[
-        int,
-        opt.search("--seed N", "Equal seeds give equal errors, losses and searches", min=0),
+        int, opt.search("--seed N", "Equal seeds give equal errors, losses and searches", min=0)
     ] = 0,
     queue: QueueOption = QUEUE,
     loss: Annotated[float, opt.search("--loss SHARE", "Of the agents' messages, lost: 0.2")] = 0.0,
@@ -122,14 +119,14 @@ def run(
         )  # fmt: skip
         if found is not None:
             refuse_other_diameters(found, other)  # refused now, not when a head has failed
-        with _Watch(shown=watch) as window:
+        with _shown(watch=watch) as window:
 
             def passed_on(event: Event) -> None:
                 if isinstance(event, Note) or not watch:
                     progress(event)
 
             kept = None if events is None else Keeping(events, passed_on)
-            result = _carried_out(document, found, options, kept, passed_on, window.show)
+            result = _carried_out(document, found, options, kept, passed_on, window)
     if as_json:
         print_json("decmcts-run/1", figures(result))
     else:
@@ -164,35 +161,28 @@ def _carried_out(
             kept.close()
 
 
-class _Watch:
-    """The heads on the terminal, while they print."""
+@contextmanager
+def _shown(*, watch: bool) -> Iterator[Show]:
+    """Yield what shows how heads stand: a table that changes, or a line a minute of the print."""
+    if not watch:
+        yield unseen
+    elif err.is_terminal:
+        with Live(console=err, transient=True, auto_refresh=False) as live:
+            yield lambda view: live.update(table_of(view), refresh=True)
+    else:
+        next_s = -math.inf
 
-    def __init__(self, *, shown: bool) -> None:
-        self._live = Live(console=err, transient=True, auto_refresh=False) if shown else None
-        self._shown_s = -math.inf
+        def show_line(view: RunView) -> None:
+            nonlocal next_s
+            if view.time_s >= next_s:
+                next_s = view.time_s + 60.0
+                heads = (
+                    f"{h.name} {h.does} {h.share:.0%}{h.waits_for and f' for {h.waits_for}'}"
+                    for h in view.heads
+                )
+                err.show(f"{clock_time(view.time_s)}: {'; '.join(heads)}")
 
-    def __enter__(self) -> _Watch:
-        if self._live is not None and err.is_terminal:
-            self._live.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def show(self, view: RunView) -> None:
-        """Show how heads stand: a table that changes, or a line a minute of the print."""
-        if self._live is None:
-            return
-        if err.is_terminal:
-            self._live.update(table_of(view), refresh=True)
-        elif view.time_s >= self._shown_s + 60.0:
-            self._shown_s = view.time_s
-            heads = "; ".join(
-                f"{h.name} {h.does} {h.share:.0%}" + (f" for {h.waits_for}" if h.waits_for else "")
-                for h in view.heads
-            )
-            err.show(f"{clock_time(view.time_s)}: {heads}")
+        yield show_line
 
 
 def table_of(view: RunView) -> Table:
@@ -251,14 +241,7 @@ def figures(result: RunResult) -> dict[str, Any]:
         "contours": result.contours,
         "unprinted": result.unprinted,
         "plans": len(result.prints),
-        "failures": [
-            {
-                "head": f.head, "why": f.why, "at_s": f.at_s, "noticed_s": f.noticed_s,
-                "fenced_s": f.fenced_s, "planned_s": f.planned_s, "on_s": f.on_s,
-                "stood_s": f.stood_s, "at": f.at,
-            }
-            for f in result.failures
-        ],
+        "failures": [asdict(failure) for failure in result.failures],
         "waits": [
             {"head": names[w.head], "by": names[w.by], "begin_s": w.event.time_s,
              "seconds": w.seconds, "action": w.event.action, "plan": w.number}

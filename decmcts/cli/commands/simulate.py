@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,6 @@ from rich.table import Table
 
 from agents.messages.event_stream import stream_of
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import is_plan
@@ -50,7 +50,7 @@ MOST_ROWS = 2_000_000
 SHOWN = 5  # contacts with the print that are shown in words
 
 
-@app.command()
+@opt.app.command()
 def simulate(
     inputs: Annotated[
         list[Path],
@@ -73,8 +73,7 @@ def simulate(
     ] = None,
     csv: Annotated[Path | None, opt.output("--csv FILE", "Keep where heads are over time")] = None,
     csv_every_s: Annotated[
-        float,
-        opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1e6),
+        float, opt.output("--csv-every-s S", "Seconds between two rows of it", min=0.001, max=1e6)
     ] = 1.0,
     picture: Annotated[
         Path | None,
@@ -158,18 +157,10 @@ def figures(found: Simulated) -> dict[str, Any]:
         "planned_s": found.planned_s,
         "set_up_s": simulation.begin_s,
         "safe": simulation.safe,
-        "heads": [
-            {
-                "name": head.name, "printing_s": head.printing_s,
-                "travelling_s": head.travelling_s, "waiting_s": head.waiting_s,
-                "standing_s": head.standing_s, "filament_mm": head.filament_mm,
-                "rests_in_beads": head.rests_in_beads,
-            }
-            for head in simulation.heads
-        ],
+        "heads": [asdict(head) for head in simulation.heads],
         "waits": [
-            {"head": names[w.head], "by": names[w.by], "begin_s": w.begin_s - simulation.begin_s,
-             "seconds": w.seconds, "line": w.line, "action": w.action}
+            {**asdict(w), "head": names[w.head], "by": names[w.by],
+             "begin_s": w.begin_s - simulation.begin_s}
             for w in simulation.waits if w.begin_s >= simulation.begin_s
         ],
         "trials": [_of_trial(trial, names, simulation.begin_s) for trial in simulation.trials],
@@ -189,15 +180,12 @@ def _of_trial(trial: Trial, names: list[str], zero: float) -> dict[str, Any]:
             for near in trial.near
         ],
         "contacts": [
-            {"heads": [names[h] for h in c.heads], "time_s": c.time_s - zero,
-             "seconds": c.seconds, "gap_mm": c.gap_mm, "at": c.at, "what": c.what}
+            {**asdict(c), "heads": [names[h] for h in c.heads], "time_s": c.time_s - zero}
             for c in trial.contacts
         ],
         "print_contacts": [
-            {"head": names[c.head], "time_s": c.time_s - zero, "seconds": c.seconds,
-             "depth_mm": c.depth_mm, "part": c.part, "at": c.at, "spot": c.spot,
-             "contour": c.contour, "line": c.line, "by": names[c.by] if c.by >= 0 else None,
-             "bead": c.bead, "bead_line": c.bead_line}
+            {**asdict(c), "head": names[c.head], "time_s": c.time_s - zero,
+             "by": names[c.by] if c.by >= 0 else None}
             for c in trial.on_print
         ],
     }  # fmt: skip

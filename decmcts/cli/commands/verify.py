@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.planning.verify import verify as judge
 from decmcts.planning.verifying.held import Held
@@ -16,7 +15,7 @@ from sim.faults import Verdict
 from sim.verdict_lines import checked_lines, nearest_facts
 
 
-@app.command()
+@opt.app.command()
 def verify(
     result: Annotated[
         list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
@@ -62,15 +61,11 @@ def verify(
 def show(verdict: Verdict, names: str, *, as_json: bool, verbose: bool = False) -> None:
     """Print what was found in the files of these names, for a person or for a program."""
     if as_json:
-        faults = [str(fault) for fault in verdict.faults]
-        found: dict[str, Any] = {
-            "ok": not faults,
-            "faults": faults,
-            "checked": list(verdict.checked),
-        }
-        found |= {"warnings": list(verdict.warnings), "counts": verdict.counts}
-        found["nearest"] = nearest_facts(verdict)
-        print_json("decmcts-verdict/1", {"file": names, **found})
+        print_json("decmcts-verdict/1", {
+            "file": names, "ok": verdict.ok, "faults": list(map(str, verdict.faults)),
+            "checked": verdict.checked, "warnings": verdict.warnings, "counts": verdict.counts,
+            "nearest": nearest_facts(verdict),
+        })  # fmt: skip
         return
     for fault in verdict.faults:
         out.show(str(fault))

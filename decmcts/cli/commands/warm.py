@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from decmcts.cli.app import app
 from decmcts.cli.console import err, out, steps
+from decmcts.cli.options import app
 from decmcts.jit.store import cache_home, remove_unused
 from decmcts.planning.compiling.child import made
 from decmcts.planning.compiling.parts import all_parts, cache_line, is_compiled

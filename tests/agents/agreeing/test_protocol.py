@@ -61,7 +61,7 @@ class Peer:
     def says(self, message: Message, *, seq: int | None = None) -> list[Effect]:
         self.seq += 1
         number = self.seq if seq is None else seq
-        envelope = Envelope.of(self.head, self.epoch, number, message)
+        envelope = Envelope(self.head, self.epoch, number, message)
         return self.protocol.handle(envelope)
 
     def joins(self) -> list[Effect]:

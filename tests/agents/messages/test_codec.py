@@ -54,14 +54,14 @@ sequences = arrays(np.int32, st.integers(0, 60), elements=st.integers(-(2**31), 
 
 
 def wire(message: Message) -> bytes:
-    return encode(Envelope.of(1, 5, 9, message))
+    return encode(Envelope(1, 5, 9, message))
 
 
 @pytest.mark.parametrize("message", PLAIN, ids=kind_of)
 def test_plain_messages_come_back_equal(message: Message) -> None:
     """What one agent says is what the other hears."""
     heard = decode(wire(message))
-    assert heard == Envelope.of(1, 5, 9, message)
+    assert heard == Envelope(1, 5, 9, message)
 
 
 def test_a_proposal_comes_back_bit_for_bit() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agents.messages.digests import apart
+from agents.messages.kinds import apart
 
 
 @pytest.mark.parametrize("at", [0, 5, 11, 12, 30, 62, 63])

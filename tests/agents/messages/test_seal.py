@@ -10,7 +10,7 @@ from agents.messages.kinds import Envelope, Goodbye, MessageError
 from agents.messages.seal import SEAL_BYTES, ForgedError, Seal
 from tests.agents.sealed import OTHER, SEAL, SECRET
 
-PAYLOAD = encode(Envelope.of(1, 7, 9, Goodbye("", "done")))
+PAYLOAD = encode(Envelope(1, 7, 9, Goodbye("", "done")))
 
 
 def test_a_sealed_message_comes_back() -> None:

@@ -46,7 +46,7 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
     graph = DependencyGraph.from_pairs(2, np.array([[0, 1]], np.int32))
     machine = load_machine("dual-gantry")
     start = StatedOrder(np.array([1, 0], np.int32), np.array([True, False]), np.array([0, 1]))
-    write_pack(Pack(job, machine, graph, {"seed": 3}, start=start), tmp_path)
+    write_pack(Pack(job, machine, graph, {"share": 0.5}, start=start), tmp_path)
     back = read_pack(tmp_path)
     for f in fields(Contours):
         ours, read = getattr(job.contours, f.name), getattr(back.job.contours, f.name)
@@ -61,7 +61,7 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
     assert back.graph.pairs().tolist() == [[0, 1]]
     assert [h.name for h in back.machine.heads] == [h.name for h in machine.heads]
     assert back.machine.rails == machine.rails
-    assert back.options == {"seed": 3}
+    assert back.parameters == {"share": 0.5}
     assert back.start is not None
     for f in fields(StatedOrder):
         assert getattr(back.start, f.name).tolist() == getattr(start, f.name).tolist()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.messages.kinds import Distribution, MessageError
-from agents.planners.pack import TEAM, Pack
+from agents.planners.pack import Pack
 from agents.planners.serial import joint_order, serial_plans
 from agents.planners.team_planner import DecMctsPlanner
 from decmcts.errors import InputError
@@ -164,12 +164,12 @@ def test_another_process_is_another_problem(problem: TeamProblem) -> None:
 @pytest.mark.slow
 def test_a_pack_s_parameters_are_the_search_s(problem: TeamProblem) -> None:
     """What a launch sets must reach each head; the rest stays as the print asks for."""
-    pack = Pack(problem.job, problem.machine, problem.graph, {TEAM: {"share": 0.5, "alpha": 0.5}})
+    pack = Pack(problem.job, problem.machine, problem.graph, {"share": 0.5, "alpha": 0.5})
     usual = Parameters.for_contours(len(problem.macro))
     found = DecMctsPlanner.of_pack(pack, 0, seed=1)._search.parameters
     assert found == replace(usual, share=0.5, alpha=0.5)
     with pytest.raises(InputError, match="alpha"):
-        DecMctsPlanner.of_pack(replace(pack, options={TEAM: {"alpha": 2}}), 0, seed=1)
+        DecMctsPlanner.of_pack(replace(pack, parameters={"alpha": 2}), 0, seed=1)
 
 
 @pytest.mark.slow

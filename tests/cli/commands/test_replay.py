@@ -13,9 +13,9 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from agents.launching.status import AgentStatus
-from decmcts.cli.app import app
 from decmcts.cli.commands import replay
 from decmcts.cli.commands.replay import heads_table, read_record, recording
+from decmcts.cli.options import app
 from decmcts.errors import InputError
 from decmcts.planning.events import Heads
 
