@@ -42,7 +42,7 @@ from decmcts.experiments.teams import (
     machine_for,
     planned,
 )
-from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.planning.compiling import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping

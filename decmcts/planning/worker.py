@@ -1,14 +1,14 @@
-"""A process beside this one that takes work off it, one call at a time.
+"""Work beside other work of ours: in a thread, or in a process that takes one call at a time.
 
-Python runs one thread of a process at a time, so what is to go on beside other work of ours needs
-a process of its own. It is started ahead, as it takes seconds to load. Calls and results are
-pickled and go through its pipes; nothing else can reach them. It ends with its owner, whatever it
-does at that moment. Where it can't be started, or is lost, the call is made here.
+Kernels and solvers run without the interpreter's lock, so a thread will do for them. Else Python
+runs one thread of a process at a time, and what is to go on beside it needs a process of its own.
+It is started ahead, as it takes seconds to load. Calls and results are pickled and go through its
+pipes; nothing else can reach them. It ends with its owner, whatever it does at that moment. Where
+it can't be started, or is lost, the call is made here.
 """
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import os
 import pickle
@@ -19,11 +19,65 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
+from queue import SimpleQueue
 from typing import IO, Any, TypeVar
 
+from decmcts.jit.kernel import made_by
+
 Returned = TypeVar("Returned")
+YIELDING = 10  # niceness of work that is to take only what agents leave
 _SIZE = 8  # bytes that say how long a message is
+
+
+def begun(work: Callable[[], Returned], *, yielding: bool = False) -> Future[Returned]:
+    """Begin work in a thread that no exit waits for; kernels and solver run without the lock.
+
+    A `yielding` thread lets all others go first, agents too, on systems where threads have a
+    priority of their own. Its kernels are loaded and compiled at the usual priority: others
+    wait for the compiler meanwhile.
+    """
+    found: Future[Returned] = Future()
+    target = partial(_yielding, work, found) if yielding else partial(_done, work, found)
+    threading.Thread(target=target, name="beside", daemon=True).start()
+    return found
+
+
+def _done(work: Callable[[], Returned], found: Future[Returned]) -> None:
+    try:
+        found.set_result(work())
+    except BaseException as error:
+        found.set_exception(error)
+
+
+def _yielding(work: Callable[[], Returned], found: Future[Returned]) -> None:
+    """Have work done in a thread of low priority, and make its kernels in this one."""
+    asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+
+    def make(call: Callable[[], Any]) -> Any:
+        made: Future[Any] = Future()
+        asked.put(partial(_done, call, made))
+        return made.result()
+
+    def run() -> None:
+        try:
+            with made_by(make):
+                _yield_to_others()
+                _done(work, found)
+        finally:
+            asked.put(None)
+
+    threading.Thread(target=run, name="yielding", daemon=True).start()
+    while (wanted := asked.get()) is not None:
+        wanted()
+
+
+def _yield_to_others() -> None:
+    """Lower the priority of this thread alone, on Linux; elsewhere it would be the process'."""
+    if sys.platform == "linux":
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), YIELDING)
 
 
 class Worker:
@@ -97,7 +151,7 @@ def worker(*modules: str) -> Iterator[Worker]:
         yield found
     finally:
         found.end()
-        with contextlib.suppress(OSError), process:  # unsent words of a call that ended early
+        with suppress(OSError), process:  # unsent words of a call that ended early
             pass
 
 
@@ -131,7 +185,7 @@ def _whole(pipe: IO[bytes], size: int) -> bytes:
 
 def main() -> None:
     """Make the calls that come in, until their sender is gone."""
-    with contextlib.suppress(ValueError):
+    with suppress(ValueError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the owner decides what Ctrl-C ends
     calls: queue.Queue[tuple[Callable[..., Any], tuple[Any, ...]]] = queue.Queue()
     answers = os.fdopen(os.dup(1), "wb")

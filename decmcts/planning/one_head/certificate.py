@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from decmcts.planning.compiling.begin import row_of
+from decmcts.planning.one_head.order_search import row_of
 from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import EXACT_UP_TO, lower_bound
 from decmcts.search.sequence.problem import OrderProblem

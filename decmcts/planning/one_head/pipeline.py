@@ -12,13 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from decmcts.formats.gcode.controller.duration import FileTime
-from decmcts.planning.compiling.begin import compile_search
-from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, unit_for
+from decmcts.planning.compiling import PRINT, bound_part, is_compiled, unit_for
 from decmcts.planning.events import Note, Report, Sound, Step, Stop, never, unheard
-from decmcts.planning.one_head.beside import searched_beside
 from decmcts.planning.one_head.certificate import EARLY_FROM_S, SHARE, certify, early_bound
 from decmcts.planning.one_head.detours import WallRule
-from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
+from decmcts.planning.one_head.order_search import (
+    OrderSearch,
+    compile_search,
+    searched_beside,
+    source_toolpath,
+)
 from decmcts.planning.options import AvoidWalls, Freedom, Objective, Search
 from decmcts.planning.problem import first_check
 from decmcts.planning.problem.first_check import refuse_unsound, refuse_unwritable
@@ -70,17 +73,11 @@ def plan_one_head(
     """Have the source's own order judged and find a better one.
 
     With `writes` a print whose G-code could not be written is refused before the search, or while
-    it runs: the text of a large print takes as long to judge as many a search. If the judge is
-    not `compiled` yet, compiling it takes longer than compiling a first search. Then the search
-    begins while the source's own order is judged.
-
-    Raises
-    ------
-    InputError
-        When the judge refuses the source's own order (`refuse` its plan, `refuse_text` its
-        text), and so every other.
-    VerificationError
-        When the judge refuses the plan.
+    it runs: the text of a large print takes as long to judge as many a search. If the judge is not
+    `compiled` yet, compiling it takes longer than compiling a first search. Then the search begins
+    while the source's own order is judged. Raises InputError when the judge refuses the source's
+    own order (`refuse` its plan, `refuse_text` its text), and so every other, VerificationError
+    when the judge refuses the plan.
     """
     own = _OwnOrder(problem, writes, report, refuse, refuse_text)
     if not compiled(PRINT):
@@ -258,7 +255,6 @@ def _first_bound(
 
 
 def _search_metrics(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:
-    """Return what a plan's metrics say of the search."""
     rules = problem.rules
     stated: Metrics = {
         "planner": search.name,

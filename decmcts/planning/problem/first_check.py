@@ -55,7 +55,6 @@ def refuse_unwritable(
 
 
 def _refusal(problem: PrintProblem, verdict: Verdict, lines: SourceLines | None) -> InputError:
-    """Return the error that says what is wrong with the source's own order."""
     count, shown = len(verdict.faults), verdict.shown
     shown = shown if lines is None else lines.stated(shown)
     line = None if lines is None else lines.first(verdict.faults[0].text)

@@ -50,11 +50,8 @@ def safe_problem(
 ) -> PrintProblem:
     """Return the problem of a source, or of a safe order made of it where its own has none.
 
-    Raises
-    ------
-    InputError
-        When the machine cannot print it; where `make_safe` is False, also when its own order is
-        not safe.
+    Raises InputError when the machine cannot print it; where `make_safe` is False, also when its
+    own order is not safe.
     """
     try:
         return problem_of(source, rules, report)
@@ -71,10 +68,7 @@ def safe_problem(
 def layer_by_layer(source: Source, collision: CollisionError, report: Report) -> Source:
     """Return the source in an order from the bottom to the top, within its barriers.
 
-    Raises
-    ------
-    InputError
-        When that order hits something too, or cannot be written.
+    Raises InputError when that order hits something too, or cannot be written.
     """
     report(Step("the source's own order would hit the part: writing it layer by layer"))
     job, order = source.job, bottom_up(source.job.contours)
@@ -219,7 +213,6 @@ def _in_one_piece(contours: Contours) -> str:
 
 
 def _no_order(source: Source, collision: CollisionError, why: str) -> InputError:
-    """Return the error for a print that cannot be printed layer by layer either."""
     return InputError(
         f"{collision.what}; layer by layer it cannot be printed either: {why}",
         path=source.path,

@@ -46,12 +46,7 @@ def source_of(document: PlanDocument, named: Source) -> Source:
     """Return a source as a plan was made of it.
 
     Without its wipe tower if the plan has none; in a safe order where the source's own is none;
-    with as few changes of tools.
-
-    Raises
-    ------
-    InputError
-        Where it is not the print of the plan.
+    with as few changes of tools. Raises InputError where it is not the print of the plan.
     """
     if (made := _as_made(document, named)) is not None:
         return made

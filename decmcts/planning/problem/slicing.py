@@ -196,10 +196,7 @@ def run_slicer(
 ) -> None:
     """Run a slicer in a folder until it ends; none of its processes is left running.
 
-    Raises
-    ------
-    InputError
-        When it cannot start, fails, or takes longer than `timeout_s`.
+    Raises InputError when it cannot start, fails, or takes longer than `timeout_s`.
     """
     program = Path(words[0])
     with (folder / "said.txt").open("wb") as output:
