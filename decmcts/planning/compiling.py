@@ -158,24 +158,19 @@ def compiling_beside(
     """
     within = bool(_children)
     try:
-        _compile_beside(parts, report, start)
+        missing = [part for part in parts if not is_compiled(part)]
+        if not all(map(compiled_beside, missing)):
+            _end_child()
+            remove_unused(cache_home())
+            for folder in FOLDERS:
+                Store(folder).prepare()  # if it has to be a temporary one, the child must find it
+            report_if_unwritable(report)
+            _children.append(start(missing))
+            _beside.extend(missing)
         yield
     finally:
         if not within:
             _end_child()
-
-
-def _compile_beside(parts: Sequence[str], report: Report, start: StartChild) -> None:
-    missing = [part for part in parts if not is_compiled(part)]
-    if all(map(compiled_beside, missing)):
-        return
-    _end_child()
-    remove_unused(cache_home())
-    for folder in FOLDERS:
-        Store(folder).prepare()  # if it has to be a temporary one, the child must find it
-    report_if_unwritable(report)
-    _children.append(start(missing))
-    _beside.extend(missing)
 
 
 def finish_beside(part: str, report: Report) -> None:

@@ -191,7 +191,7 @@ class Result:
             When nothing can be written there, or the name ends otherwise.
         """
         out = Path(path)
-        self._refuse(out)
+        refuse_unwritable([out], self.source.path)
         refuse_other_suffixes(out, None, None)
         write_plan(self.document, out)
 
@@ -210,7 +210,7 @@ class Result:
         )
 
         out, planned = Path(path), self.planned
-        self._refuse(out)
+        refuse_unwritable([out], self.source.path)
         refuse_other_suffixes(None, out, None)
         details = ReportDetails(
             self.source.name, planned.verdict, planned.problem.graph,
@@ -243,14 +243,11 @@ class Result:
         from sim.pictures.drawings import draw_plan  # and so does matplotlib
 
         out = Path(path)
-        self._refuse(out)
+        refuse_unwritable([out], self.source.path)
         refuse_other_suffixes(None, None, out)
         name, planned = self.source.name, self.planned
         before = before_by_pieces(planned.before, planned.after)
         draw_plan(out, before, planned.after, name=name, layer=layer)
-
-    def _refuse(self, path: Path) -> None:
-        refuse_unwritable([path], self.source.path)
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,7 +104,9 @@ def verify(
             raise InputError("no such file", path=path)
     report(Step(f"verifying {', '.join(path.name for path in files)}"))
     asked = Judging(machine, held, seed, trials, plate)
-    refuse_plate(plate, [*files, *([] if given is None else [given])])
+    named = files if given is None else [*files, given]
+    if plate is not None and not any(map(has_plates, named)):
+        raise InputError(f"no plate {plate}: only a .gcode.3mf has plates", advice="leave it out")
     if len(files) > 1 or made_from is not None or is_whole_team(files[0], plate):
         return judge_several(files, given, made_from, asked)
     return judge(files[0], given, asked, report)
@@ -130,15 +132,17 @@ def judge_several(
     results: list[Path], source: Path | None, plan: Path | None, asked: Judging
 ) -> Verdict:
     """Verify the files of all heads together, with the plan they were made from or without."""
-    given = source_of(source)
+    if source is None:
+        raise InputError("G-code files need their source", advice="add --source IN.gcode")
+    refuse_mesh(source, "verify the plan.json of `launch --plan`")
     if plan is None:
         if asked.held.min_layer_time_s is not None:
             raise InputError(
                 "min_layer_time_s cannot be checked in G-code alone", advice="add --plan plan.json"
             )
-        return judge_heads_alone(results, given, asked)
+        return judge_heads_alone(results, source, asked)
     document = read_plan(plan)
-    read = read_as_planned(document, given, plate_of(given, asked.plate))
+    read = read_as_planned(document, source, plate_of(source, asked.plate))
     verdict = judge_plan(document, read, asked)
     if is_other_print(verdict.faults):
         return verdict
@@ -230,12 +234,6 @@ def refuse_head_file(path: Path, plate: int | None) -> None:
 def plate_of(path: Path, plate: int | None) -> int | None:
     """Return the plate to read of a file: none of one that has none."""
     return plate if plate is not None and has_plates(path) else None
-
-
-def refuse_plate(plate: int | None, files: list[Path]) -> None:
-    """Raise InputError for a plate of files of which none has plates."""
-    if plate is not None and not any(map(has_plates, files)):
-        raise InputError(f"no plate {plate}: only a .gcode.3mf has plates", advice="leave it out")
 
 
 def digest_of(document: PlanDocument) -> str:
@@ -368,14 +366,6 @@ def misnamed(paths: Sequence[Path], named: Sequence[str], machine: Machine) -> l
         if ends and name not in ends:
             lines.append(f"{path.name} is the file of head {name}")
     return listed(FaultKind.COMMAND, lines)
-
-
-def source_of(source: Path | None) -> Path:
-    """Return the source, which files of several heads cannot be judged without."""
-    if source is None:
-        raise InputError("G-code files need their source", advice="add --source IN.gcode")
-    refuse_mesh(source, "verify the plan.json of `launch --plan`")
-    return source
 
 
 def refuse_mesh(source: Path, advice: str) -> None:

@@ -43,10 +43,7 @@ from sim.content.seams import seams_of_plan
 from sim.files.written import verify_written
 
 STEPS = 3  # of a draft: written, timed, judged
-
-
-GcodeWriter = Callable[..., None]
-"""Writes the plan of one head; `write_gcode`, or in a test one that fails."""
+AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the first search's time, and at most so many s
 
 
 def draft_single(
@@ -54,7 +51,7 @@ def draft_single(
     draft: Path,
     path: Path,
     *,
-    write: GcodeWriter = write_gcode,
+    write: Callable[..., None] = write_gcode,
     report: Report = unheard,
 ) -> FileTimes:
     """`write` the reordered G-code of a one-head plan to a draft and read it back.
@@ -85,11 +82,6 @@ def draft_single(
     return times
 
 
-AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the first search's time, and at most so many s
-DraftOf = Callable[[Planned, Path, Path], FileTimes]
-"""Writes a plan's G-code to the second argument, to be named as the third; returns its times."""
-
-
 def write_no_slower(
     planned: Planned,
     search: Search,
@@ -98,7 +90,7 @@ def write_no_slower(
     allow_slower: bool,
     report: Report = unheard,
     stop: Stop = never,
-    draft_of: DraftOf | None = None,
+    draft_of: Callable[[Planned, Path, Path], FileTimes] | None = None,
 ) -> tuple[Planned, FileTimes]:
     """Write the G-code of one head to `path`; returns what was written and its times.
 
@@ -156,7 +148,11 @@ def _kept(
     after = replace(before, metrics={**before.metrics, **stated})
     own = check(planned.problem, before, after, planned.history, planned.seconds, report)
     if not (path.exists() and path.samefile(source)):
-        copy_source(source, path, planned.problem.source.plate)
+        plate = planned.problem.source.plate
+        if path != STDOUT and path.suffix == source.suffix:
+            write_whole(path, source.read_bytes())
+        else:  # packed or unpacked only where the names say so
+            put(packed_text(load_text(source, plate), path, source, plate), path, packed=True)
     return own, kept
 
 
@@ -169,11 +165,3 @@ def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> byte
         was_s = print_time(source.path, limits, own_limits=own, plate=source.plate).total_s
     ratio = times.after_s / was_s if was_s else 1.0
     return packed_text(text, path, source.path, source.plate, time_ratio=ratio)
-
-
-def copy_source(source: Path, path: Path, plate: int | None = None) -> None:
-    """Write a file as it is; packed or unpacked only where the names say so."""
-    if path != STDOUT and path.suffix == source.suffix:
-        write_whole(path, source.read_bytes())
-    else:
-        put(packed_text(load_text(source, plate), path, source, plate), path, packed=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,15 +48,9 @@ from decmcts.team.schedule.cooling import (
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
 
-BESIDE_FROM = 20_000
-"""Contours from which the text of the source's own order is judged while the search runs."""
+BESIDE_FROM = 20_000  # contours: the text of their own order is judged while the search runs
 Judge = Callable[[], PlanDocument]
 """Returns the plan of the source's own order once it was judged; InputError if it has faults."""
-Refuse = Callable[[PrintProblem, PlanDocument], None]
-"""Raises InputError where the plan of the source's own order has faults; `refuse_unsound`."""
-RefuseText = Callable[[PrintProblem, PlanDocument], tuple[str, ...]]
-"""Raises InputError where the source's own order can't be written; `refuse_unwritable`."""
-FIRST_STEP = "the source's own order, judged before anything is searched"
 
 
 def plan_one_head(
@@ -67,8 +61,8 @@ def plan_one_head(
     report: Report = unheard,
     stop: Stop = never,
     compiled: Callable[[str], bool] = is_compiled,
-    refuse: Refuse = refuse_unsound,
-    refuse_text: RefuseText = refuse_unwritable,
+    refuse: Callable[..., None] = refuse_unsound,
+    refuse_text: Callable[..., tuple[str, ...]] = refuse_unwritable,
 ) -> Planned:
     """Have the source's own order judged and find a better one.
 
@@ -79,59 +73,39 @@ def plan_one_head(
     own order (`refuse` its plan, `refuse_text` its text), and so every other, VerificationError
     when the judge refuses the plan.
     """
-    own = _OwnOrder(problem, writes, report, refuse, refuse_text)
+
+    def judged() -> PlanDocument:
+        before = source_plan(problem)
+        refuse(problem, before)
+        if writes:
+            _warn(refuse_text(problem, before), report)
+        report(Sound())
+        return before
+
     if not compiled(PRINT):
-        return plan_judged(problem, search, judge=own.judged, report=report, stop=stop)
-    if writes and len(problem.job.contours) >= BESIDE_FROM:
-        return _plan_large(own, search, stop)
-    report(Step(FIRST_STEP))
-    return plan_judged(problem, search, before=own.judged(), report=report, stop=stop)
-
-
-def _plan_large(own: _OwnOrder, search: Search, stop: Stop) -> Planned:
-    """Plan a print while a process of its own judges the text of the source's own order."""
-    report = own.report
+        return plan_judged(problem, search, judge=judged, report=report, stop=stop)
+    report(Step("the source's own order, judged before anything is searched"))
+    if not writes or len(problem.job.contours) < BESIDE_FROM:
+        return plan_judged(problem, search, before=judged(), report=report, stop=stop)
     with worker(first_check.__name__) as beside:
-        report(Step(FIRST_STEP))
-        before = source_plan(own.problem)
-        text = beside.call(own.refuse_text, own.problem, before)
-        own.refuse(own.problem, before)
+        before = source_plan(problem)
+        text = beside.call(refuse_text, problem, before)
+        refuse(problem, before)
         report(Sound())
 
         def until() -> bool:
             return stop() or (text.done() and text.exception() is not None)
 
-        planned = plan_judged(own.problem, search, before=before, report=report, stop=until)
+        planned = plan_judged(problem, search, before=before, report=report, stop=until)
         if not text.done():
             report(Step("the text of the source's own order, judged before anything is written"))
-        own.warn(text.result())
+        _warn(text.result(), report)
     return planned
 
 
-@dataclass(slots=True)
-class _OwnOrder:
-    """The source's own order, and what judges it."""
-
-    problem: PrintProblem
-    writes: bool
-    report: Report
-    refuse: Refuse
-    refuse_text: RefuseText
-
-    def judged(self) -> PlanDocument:
-        """Return its plan once that was judged, and its text where one is written."""
-        before = source_plan(self.problem)
-        self.refuse(self.problem, before)
-        if self.writes:
-            self.warn(self.refuse_text(self.problem, before))
-        self.report(Sound())
-        return before
-
-    def warn(self, lines: tuple[str, ...]) -> None:
-        """Report what is bad in its text."""
-        for line in lines:
-            stated = f"the source drives the head into the print, which is kept: {line}"
-            self.report(Note(stated))
+def _warn(lines: tuple[str, ...], report: Report) -> None:
+    for line in lines:
+        report(Note(f"the source drives the head into the print, which is kept: {line}"))
 
 
 def search_alone(

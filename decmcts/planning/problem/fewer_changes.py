@@ -156,13 +156,9 @@ def by_tool(
     """Return an order with few changes of tools; None where no allowed change leads on.
 
     Each stretch begins and ends with the tool that it begins and ends with in the source. Within
-    a run contours stand as in the source, as far as precedence allows. Takes
+    a run contours stand as in the source, as far as precedence allows. `tool` and `stretch`, (n,),
+    are in the source's order, which keeps `graph`; `stretch` never falls. Takes
     O((n + edges) k log n) for k tools in use, for each change.
-
-    Parameters
-    ----------
-    tool, stretch : (n,)
-        In the source's order, which keeps `graph`; `stretch` never falls.
     """
     front = _Front.of(graph, tool)
     order, run, number = list[int](), list[int](), 0

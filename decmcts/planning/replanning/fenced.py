@@ -45,17 +45,11 @@ def fenced_places(
 ) -> dict[str, Stands]:
     """Return the heads that print no more, and where each stands.
 
-    Raises InputError for heads the machine has not, or named twice, places that are none, and where
-    no place is known.
-
-    Parameters
-    ----------
-    stated : Sequence[str]
-        Heads as ``NAME``, ``NAME=park`` or ``NAME=X,Y,Z``. Those that failed by the events need
-        not be named; where they stand now may be.
-    seen : bool
-        Whether events say where heads are: one that was at an action may have gone on to its
-        end, and one that no event is of is still parked.
+    `stated` are heads as ``NAME``, ``NAME=park`` or ``NAME=X,Y,Z``. Those that failed by the events
+    need not be named; where they stand now may be. If events are `seen` they say where heads are:
+    one that was at an action may have gone on to its end, and one that no event is of is still
+    parked. Raises InputError for heads the machine has not, or named twice, places that are none,
+    and where no place is known.
     """
     machine, last = document.machine, dict[str, Stands]()
     if seen:

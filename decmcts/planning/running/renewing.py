@@ -227,11 +227,13 @@ class Renewal:
 
         They failed, or hold a later plan, from which none comes back.
         """
-        later = {
-            k: Reached(carried.count(h)) for k, h in enumerate(carried.heads)
-            if self.held.get(h, (-1, 0))[0] > carried.number
-        }  # fmt: skip
-        return {**later, **self.team.all_stopped(carried)}
+        found = dict[int, Reached]()
+        for k, h in enumerate(carried.heads):
+            if not self.team.goes_on_in(carried, h):
+                found[k] = self.team.stopped(carried, h)
+            elif self.held.get(h, (-1, 0))[0] > carried.number:
+                found[k] = Reached(carried.count(h))
+        return found
 
     def _limit(self, carried: Carried, until: list[int]) -> None:
         """Tell all up to which action each head goes on, and how far others came."""

@@ -100,21 +100,12 @@ def run(
 ) -> RunResult:
     """Carry a plan out with simulated controllers, two processes a head.
 
-    Raises InputError when the source is another's, or processes cannot be started.
-
-    Parameters
-    ----------
-    source : Source | None
-        The print the plan was made from; without it nothing is planned anew when a head fails.
-    asked : queue.Queue[str | None] | None
-        Where a person's lines arrive while it runs (docs/run.md); None behind the last.
-    on_start : Callable
-        Told the process ids of each head's agent and controller, by its name.
-    on_launcher : Callable
-        Told the launcher before it begins, for trials that look at its clock.
-    keep : Callable
-        Told all plans that print and that heads began, again and again, and last when all
-        processes have ended.
+    `source` is the print the plan was made from; without it nothing is planned anew when a head
+    fails. `asked` is where a person's lines arrive while it runs (docs/run.md), None behind the
+    last. `on_start` is told the process ids of each head's agent and controller, by its name.
+    `on_launcher` is told the launcher before it begins, for trials that look at its clock. `keep`
+    is told all plans that print and that heads began, again and again, and last when all processes
+    have ended. Raises InputError when the source is another's, or processes cannot be started.
     """
     if not document.plan.heads:
         raise InputError("the plan has no head")

@@ -238,14 +238,6 @@ class Team:
             return Reached(carried.count(h))
         return carried.reached.get(h, NOTHING)
 
-    def all_stopped(self, carried: Carried) -> dict[int, Reached]:
-        """Return how far those heads of a plan came that do no more of it, by place in it."""
-        return {
-            k: self.stopped(carried, h)
-            for k, h in enumerate(carried.heads)
-            if not self.goes_on_in(carried, h)
-        }
-
     def send_fenced(self, carried: Carried, gone: int) -> None:
         """Tell all that a head does no more of a plan, and how far it came."""
         reached = self.stopped(carried, gone)

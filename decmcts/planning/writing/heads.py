@@ -41,16 +41,9 @@ from sim.heads.plan import plan_of_files
 from sim.heads.together import judge_together, unreadable, verify_heads
 from sim.verify import verify_plan
 
-BESIDE_FROM = 5_000
-"""Contours; fewer are judged sooner than another process has loaded."""
-
-Check = Callable[..., Any]
-"""A piece of work; takes a keyword `report`."""
-
+BESIDE_FROM = 5_000  # contours; fewer are judged sooner than another process has loaded
 FILES = Path("the G-code of all heads")  # as messages call it
-
-HeadWriter = Callable[..., None]
-"""Writes the file of one head of a plan; `write_head_gcode`, or in a test one that fails."""
+Check = Callable[..., Any]  # a piece of work; takes a keyword `report`
 
 
 def stem_of(output: Path) -> Path:
@@ -86,7 +79,7 @@ def write_heads(
     planned: Planned,
     stem: Path,
     *,
-    write: HeadWriter = write_head_gcode,
+    write: Callable[..., None] = write_head_gcode,
     report: Report = unheard,
 ) -> list[Path]:
     """`write` one G-code file per head, `STEM_HEAD.gcode`, all or none; returns the paths.
@@ -110,7 +103,7 @@ def write_heads(
 
 def drafting(
     planned: Planned, drafts: Sequence[Path], *, judged: tuple[PrintJob, GcodeDocument],
-    write: HeadWriter = write_head_gcode,
+    write: Callable[..., None] = write_head_gcode,
 ) -> list[tuple[str, Callable[..., Walked]]]:  # fmt: skip
     """Return the work of writing each head's draft and walking it along the plan, with its name.
 
@@ -143,7 +136,7 @@ def judged_by(
 def _draft(
     document: GcodeDocument, job: PrintJob, plan: JointPlan, machine: Machine,
     header: Sequence[str], points: SyncPoints, head: int, path: Path, *,
-    judged: tuple[PrintJob, GcodeDocument], write: HeadWriter, report: Report,
+    judged: tuple[PrintJob, GcodeDocument], write: Callable[..., None], report: Report,
 ) -> Walked:  # fmt: skip
     """Write the draft of one head's file, read it back and walk it along the plan."""
     report(Step(f"writing {path.name}"))
