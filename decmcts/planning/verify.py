@@ -218,10 +218,7 @@ def is_whole_team(path: Path, plate: int | None = None) -> bool:
 
 
 def refuse_head_file(path: Path, plate: int | None) -> None:
-    """Raise InputError for the file of one head of several, which cannot be judged alone.
-
-    Its header says what it is.
-    """
+    """Raise InputError for the file of one head of several, which cannot be judged alone."""
     name, (place, of) = header_of(load_text(path, plate))
     if name:
         raise InputError(

@@ -287,10 +287,7 @@ class Asking:
             ))  # fmt: skip
 
     def do(self, words: list[str]) -> None:
-        """Do what a person asks.
-
-        Raises InputError if it is nothing that can be done.
-        """
+        """Do what a person asks; raises InputError if it is nothing that can be done."""
         match words:
             case []:
                 return

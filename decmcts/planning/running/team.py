@@ -34,35 +34,19 @@ WAITING = 1e-6  # pace of the clock until all heads are there
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """Options of a simulated run.
+    """Options of a simulated run; errors of time are as `simulate` has them."""
 
-    Parameters
-    ----------
-    speed : float
-        Seconds of the print in one of the world. While heads are planned for anew it is 1.
-    timing, error, seed, queue
-        Errors of time, as `simulate` has them.
-    loss, delay_s : float
-        Share of messages between agents that is lost, and by how many seconds of the print the
-        others are late at most.
-    replan_s : float
-        Time limit of the heads' search for what is left.
-    left_beads : LeftBeads
-        What becomes of a bead that was broken off.
-    print_with : tuple[tuple[int, int], ...]
-        Tools, and those that print for them once no living head has them.
-    """
-
-    speed: float = 1.0
+    speed: float = 1.0  # s of the print in one of the world; 1 while heads are planned for anew
     timing: Timing = Timing.NONE
     error: float = 0.2
     seed: int = 0
     queue: int = QUEUE
-    loss: float = 0.0
-    delay_s: float = 0.0
-    replan_s: float = 5.0
-    left_beads: LeftBeads = LeftBeads.FINISH
-    print_with: tuple[tuple[int, int], ...] = ()
+    loss: float = 0.0  # share of messages between agents that is lost
+    delay_s: float = 0.0  # of the print, by which the others are late at most
+    replan_s: float = 5.0  # time limit of the heads' search for what is left
+    left_beads: LeftBeads = LeftBeads.FINISH  # what becomes of a bead that was broken off
+    print_with: tuple[tuple[int, int], ...] = ()  # tools, and those that print for them once no
+    # living head has them
 
     def __post_init__(self) -> None:
         for name, value, least, most in (

@@ -80,7 +80,7 @@ def plan_team(
 
     With `writes` a print whose files could not be written is refused before the search, a note says
     what of its start code the heads' files leave out, and the plan comes with them. Raises
-    InputError when the source's own order has faults, or no head reaches some contour; and
+    InputError when the source's own order has faults, or no head reaches some contour,
     VerificationError when the judge refuses the plan.
     """
     whole = prepared(problem, search, writes=writes, report=report, stop=stop)

@@ -86,7 +86,7 @@ def write_heads(
 
     Those that were written with the plan are put in place. Else the report is told what is written,
     read back and judged. Raises VerificationError when the files, read back, are not the verified
-    plan; then none is written, InputError when one of them cannot be written; then none is.
+    plan, InputError when one of them cannot be written; then none is.
     """
     paths = [_head_file(stem, actions.head) for actions in planned.after.plan.heads]
     texts = planned.head_files
@@ -107,8 +107,7 @@ def drafting(
 ) -> list[tuple[str, Callable[..., Walked]]]:  # fmt: skip
     """Return the work of writing each head's draft and walking it along the plan, with its name.
 
-    `judged` is the source as the judge takes it.
-    It can be done in another process.
+    `judged` is the source as the judge takes it. It can be done in another process.
     """
     problem, plan, machine = planned.problem, planned.after.plan, planned.problem.machine
     apart_s = machine.signal_interval_s if machine.release == "point" else 0.0
