@@ -168,7 +168,13 @@ def judge(result: Path, source: Path | None, asked: Judging, report: Report) -> 
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
     refuse_mesh(source, "verify against the slicer's G-code (`plan --sliced`), or verify plan.json")
     of_result, of_source = plate_of(result, asked.plate), plate_of(source, asked.plate)
-    refuse_head_file(result, of_result)
+    name, (place, of) = header_of(load_text(result, of_result))
+    if name:
+        raise InputError(
+            f"this is the file of one head of several (head {name}, file {place} of {of})",
+            path=result,
+            advice="name the files of all heads, with --plan plan.json if you have it",
+        )
     chosen, origin = machine_for(asked.machine, source, of_source)
     if origin:
         report(Note(origin))
@@ -215,17 +221,6 @@ def judge_plan(document: PlanDocument, source: Source | None, asked: Judging) ->
 def is_whole_team(path: Path, plate: int | None = None) -> bool:
     """Tell whether this is the only file that `launch` wrote, for a machine with one head."""
     return not is_plan(path) and header_of(load_text(path, plate_of(path, plate)))[1] == (1, 1)
-
-
-def refuse_head_file(path: Path, plate: int | None) -> None:
-    """Raise InputError for the file of one head of several, which cannot be judged alone."""
-    name, (place, of) = header_of(load_text(path, plate))
-    if name:
-        raise InputError(
-            f"this is the file of one head of several (head {name}, file {place} of {of})",
-            path=path,
-            advice="name the files of all heads, with --plan plan.json if you have it",
-        )
 
 
 def plate_of(path: Path, plate: int | None) -> int | None:

@@ -63,7 +63,9 @@ def _yielding(work: Callable[[], Returned], found: Future[Returned]) -> None:
     def run() -> None:
         try:
             with made_by(make):
-                _yield_to_others()
+                if sys.platform == "linux":  # elsewhere it would be the priority of the process
+                    with suppress(OSError):
+                        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), YIELDING)
                 _done(work, found)
         finally:
             asked.put(None)
@@ -71,13 +73,6 @@ def _yielding(work: Callable[[], Returned], found: Future[Returned]) -> None:
     threading.Thread(target=run, name="yielding", daemon=True).start()
     while (wanted := asked.get()) is not None:
         wanted()
-
-
-def _yield_to_others() -> None:
-    """Lower the priority of this thread alone, on Linux; elsewhere it would be the process'."""
-    if sys.platform == "linux":
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), YIELDING)
 
 
 class Worker:
@@ -109,8 +104,13 @@ class Worker:
         self, found: Future[Returned], function: Callable[..., Returned], given: tuple[Any, ...]
     ) -> None:
         """Set the result of a call; made here where no answer comes."""
+        process = self._process
         try:
-            error, value = self._answer(function, given)
+            if process is None or process.stdin is None or process.stdout is None:
+                raise EOFError
+            with self._one:
+                _send(process.stdin, (function, given))
+                error, value = _receive(process.stdout)
         except Exception:  # a pipe that ended, or what can't be packed or unpacked: anything
             if self._over:
                 found.cancel()
@@ -120,15 +120,6 @@ class Worker:
             found.set_exception(error)
         else:
             found.set_result(value)
-
-    def _answer(self, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
-        """Return the error and the result of a call; raises OSError or EOFError without answer."""
-        process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
-            raise EOFError
-        with self._one:
-            _send(process.stdin, (function, given))
-            return _receive(process.stdout)
 
 
 @contextmanager

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from decmcts.formats.gcode.controller.duration import FileTime
-from decmcts.planning.compiling import PRINT, bound_part, is_compiled, unit_for
+from decmcts.planning.compiling import PRINT, is_compiled
 from decmcts.planning.events import Note, Report, Sound, Step, Stop, never, unheard
-from decmcts.planning.one_head.certificate import EARLY_FROM_S, SHARE, certify, early_bound
+from decmcts.planning.one_head.certificate import SHARE, certify, early_bound
 from decmcts.planning.one_head.detours import WallRule
 from decmcts.planning.one_head.order_search import (
     OrderSearch,
@@ -160,7 +160,7 @@ def plan_judged(
         sliced = source_time(problem)
     walls = WallRule.of(problem, sliced)
     stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
-    bound = _first_bound(order_problem, search, stopping, report)
+    bound = early_bound(order_problem, search, stopping, report)
     report(Step("preparing the search"))
     started = time.perf_counter()
     before, lags, result = _searched(
@@ -216,29 +216,13 @@ def _searched(
     return before, lags, found or order.search(order.begin(stopping.is_asked), stopping)
 
 
-def _first_bound(
-    order_problem: OrderProblem, search: Search, stopping: Stopping, report: Report
-) -> float | None:
-    """Return a bound to show while searching, where there is time for it."""
-    compiled = is_compiled(bound_part(unit_for(order_problem)))
-    early = search.certificate and search.time_limit_s >= EARLY_FROM_S
-    if not (early and compiled) or stopping.is_asked():
-        return None
-    report(Step("a first bound on the travel"))
-    return early_bound(order_problem, stopping=stopping)
-
-
 def _search_metrics(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:
     rules = problem.rules
-    stated: Metrics = {
+    return {
         "planner": search.name,
         "objective": search.objective.value,
         "freedom": rules.freedom.value,
-    }
-    if rules.freedom == Freedom.SEAM:
-        stated["seam"] = rules.seam.value
-    return {
-        **stated,
+        **({"seam": rules.seam.value} if rules.freedom == Freedom.SEAM else {}),
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,
         "iterations": result.iterations,

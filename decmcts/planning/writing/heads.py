@@ -25,7 +25,6 @@ from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.own_tools import for_the_judge
 from decmcts.planning.problem.planned import Planned, require_passed
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.planning.problem.source import Source
 from decmcts.planning.worker import Worker, begun, worker
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, require_sound
@@ -164,18 +163,13 @@ def judged_texts(
     require_sound(verdict, stem)
     if (given := problem.source.original) is not None:
         report(Step("judging the files by what was given"))
-        require_sound(_by_given(drafts, given, machine), stem)
+        files = [read_head_file(draft, machine.words) for draft in drafts]
+        plan, altered = plan_of_files(files, given.job, machine)
+        if not is_other_print(altered):
+            verdict = verify_heads(machine, drafts, plan.plan, given.job, given.document, read=True)
+            altered = [*altered, *verdict.faults]
+        require_sound(Verdict(tuple(altered)), stem)
     return tuple(draft.read_bytes() for draft in drafts)
-
-
-def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdict:
-    """Judge files of a print that was made safe by the source that was given, in its numbers."""
-    files = [read_head_file(draft, machine.words) for draft in drafts]
-    plan, altered = plan_of_files(files, given.job, machine)
-    if is_other_print(altered):
-        return Verdict(tuple(altered))
-    verdict = verify_heads(machine, drafts, plan.plan, given.job, given.document, read=True)
-    return Verdict((*altered, *verdict.faults))
 
 
 @contextmanager
