@@ -22,10 +22,10 @@ from common import RESULTS, Rows, corpus, markdown, names, setting
 
 from decmcts.errors import InputError
 from decmcts.planning.events import unheard
+from decmcts.planning.one_head.no_slower import draft_single
 from decmcts.planning.options import NO_QUALITY, Objective
 from decmcts.planning.problem.planned import check, document_of, source_plan
 from decmcts.planning.problem.print_problem import load
-from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.metrics import Metrics
 from decmcts.print.walls import no_walls
 from decmcts.random_kernels import seeded

@@ -36,7 +36,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.plans.plan_json import CUT_VERSION, read_plan
-from decmcts.planning.verifying.judge import judge_heads, read_as_planned
+from decmcts.planning.verify import judge_heads, read_as_planned
 from decmcts.print.job import PrintJob
 from sim.verify import verify_plan
 from tests.makers.slab import slab_gcode

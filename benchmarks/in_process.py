@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from common import print_path
 
-from decmcts.planning.compiling.begin import compile_search
+from decmcts.planning.one_head.order_search import compile_search
 from decmcts.planning.options import NO_QUALITY, Freedom, PlannerName, ProcessOrder, Search
 from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.search.planners import SearchResult, plan_order

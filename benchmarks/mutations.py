@@ -34,7 +34,7 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.plans.plan_json import read_plan
-from decmcts.planning.verifying.judge import digest_of
+from decmcts.planning.verify import digest_of
 from tests.makers.changes import two_colours
 from tests.makers.dots import made_dots_gcode
 from tests.makers.scarf import scarf_gcode

@@ -50,14 +50,13 @@ from decmcts.planning.events import Event, Note
 from decmcts.planning.launch import launch
 from decmcts.planning.options import Limits, TeamSearch
 from decmcts.planning.problem.made_from import rules_of
-from decmcts.planning.problem.source import Source
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import Source, read
 from decmcts.planning.replanning.replan import replan, rest_of
 from decmcts.planning.running.launcher import Launcher
-from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.recorded import Carried
 from decmcts.planning.running.run import RunResult
 from decmcts.planning.running.run import run as carry_out
+from decmcts.planning.running.team import RunOptions
 from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind

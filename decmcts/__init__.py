@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from decmcts.formats.mesh import SliceOptions
     from decmcts.planning.arrays import from_arrays
     from decmcts.planning.bare import solve_qcsp, solve_sop
-    from decmcts.planning.bound import bound
     from decmcts.planning.events import (
         Begun,
         Event,
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from decmcts.planning.options import (
         Cut,
         Freedom,
+        Held,
         Limits,
         Objective,
         PlannerName,
@@ -50,12 +50,10 @@ if TYPE_CHECKING:
     )
     from decmcts.planning.plan import plan
     from decmcts.planning.problem.slicing import Slicing, choose_slicer
-    from decmcts.planning.problem.source import Source
-    from decmcts.planning.read import read
-    from decmcts.planning.result import Figures, Result, Written
+    from decmcts.planning.problem.source import Source, read
+    from decmcts.planning.result import Figures, Result, Written, bound
     from decmcts.planning.simulate import Simulated, simulate
     from decmcts.planning.verify import verify
-    from decmcts.planning.verifying.held import Held
     from decmcts.print.contours import Role
     from decmcts.print.machine import Machine
     from decmcts.print.print_events import EventKind, PrintEvent
@@ -78,24 +76,21 @@ _ROOMS = {
     "decmcts.formats.bare.sop": ("read_sop",),
     "decmcts.planning.arrays": ("from_arrays",),
     "decmcts.planning.bare": ("solve_qcsp", "solve_sop"),
-    "decmcts.planning.bound": ("bound",),
     "decmcts.planning.events": (
         "Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "Step", "Stop",
     ),
     "decmcts.planning.launch": ("launch",),
     "decmcts.planning.one_head.certificate": ("Certificate",),
     "decmcts.planning.options": (
-        "Cut", "Freedom", "Limits", "Objective", "PlannerName", "ProcessOrder", "Rules", "Seam",
-        "Search", "TeamSearch",
+        "Cut", "Freedom", "Held", "Limits", "Objective", "PlannerName", "ProcessOrder", "Rules",
+        "Seam", "Search", "TeamSearch",
     ),
     "decmcts.planning.plan": ("plan",),
     "decmcts.planning.problem.slicing": ("Slicing", "choose_slicer"),
-    "decmcts.planning.problem.source": ("Source",),
-    "decmcts.planning.read": ("read",),
-    "decmcts.planning.result": ("Figures", "Result", "Written"),
+    "decmcts.planning.problem.source": ("Source", "read"),
+    "decmcts.planning.result": ("Figures", "Result", "Written", "bound"),
     "decmcts.planning.simulate": ("Simulated", "simulate"),
     "decmcts.planning.verify": ("verify",),
-    "decmcts.planning.verifying.held": ("Held",),
     "decmcts.print.contours": ("Role",),
     "decmcts.print.machine": ("Machine",),
     "decmcts.print.print_events": ("EventKind", "PrintEvent"),

@@ -35,7 +35,7 @@ from decmcts.experiments.kinds import (
     spread,
 )
 from decmcts.experiments.teams import PlanFunction, figures, given, in_one_process, planned
-from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.planning.compiling import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping

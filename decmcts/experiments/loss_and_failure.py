@@ -43,13 +43,13 @@ from decmcts.experiments.kinds import (
 )
 from decmcts.experiments.prints import print_file
 from decmcts.experiments.teams import Given, bound_s, given, machine_for, planned, printing_s
-from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.planning.compiling import PRINT, TEAM
 from decmcts.planning.events import unheard
+from decmcts.planning.launch import planned_by
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
-from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.problem.source import Source, read
 from decmcts.planning.replanning.replan import replan, rest_of
 from decmcts.planning.replanning.rest import LeftBeads
-from decmcts.planning.team.own_planner import planned_by
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import state_of_events
@@ -167,7 +167,7 @@ def _source(key: Key, what: Given) -> Source:
     machine = what.problem.machine
     _, middle = machine_for(key, int(key["heads"]), BED_MM)
     with print_file(key, middle) as path:
-        source = read_source(path, machine, limits=Limits.MACHINE, report=unheard)
+        source = read(path, machine, limits=Limits.MACHINE, report=unheard)
     return replace(source, machine=machine)
 
 

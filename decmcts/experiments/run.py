@@ -30,8 +30,7 @@ from decmcts.experiments.prints import own_prints
 from decmcts.experiments.speed_up import TEAM_SIZE, TWO_HEADS
 from decmcts.experiments.timing import TIMING
 from decmcts.formats.files.atomic import write_whole
-from decmcts.planning.compiling.child import made
-from decmcts.planning.compiling.parts import is_compiled
+from decmcts.planning.compiling import is_compiled, made
 from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.writing.places import refuse_place
 from decmcts.print.brief import brief

@@ -31,7 +31,7 @@ from decmcts.experiments.kinds import (
 )
 from decmcts.experiments.prints import shown
 from decmcts.experiments.teams import Given, figures, given, planned
-from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.planning.compiling import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.planning.problem.planned import source_plan
 from decmcts.planning.team.pipeline import lags_of

@@ -10,11 +10,11 @@ from decmcts.experiments.kinds import Key, Row, stopping_of
 from decmcts.experiments.prints import Point, is_own, print_file
 from decmcts.formats.machines.machine_file import load_machine, rail_machine
 from decmcts.planning.events import unheard
-from decmcts.planning.options import Cut, Limits, Rules
+from decmcts.planning.options import Cut, Rules
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.planned import document_of, require_passed, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.planning.problem.source import read_source
+from decmcts.planning.problem.source import read
 from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.pipeline import lags_of
 from decmcts.print.lags_kernels import Lags
@@ -65,7 +65,7 @@ def given(key: Key, heads: int, length_mm: float, cut: Cut) -> Given:
     """
     machine, middle = machine_for(key, heads, length_mm)
     with print_file(key, middle) as path:
-        source = read_source(path, machine, limits=Limits.SOURCE, report=unheard)
+        source = read(path, machine)
         problem = team_problem(source, Rules(), unheard)
     return given_by(problem, cut)
 

@@ -40,7 +40,7 @@ from decmcts.experiments.kinds import (
 )
 from decmcts.experiments.prints import shown
 from decmcts.experiments.teams import given, planned
-from decmcts.planning.compiling.parts import PRINT, TEAM
+from decmcts.planning.compiling import PRINT, TEAM
 from decmcts.planning.options import Cut
 from decmcts.print.plan import PlanDocument
 from sim.controllers.carry_out import Run

@@ -13,9 +13,8 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.mesh.gcode_text import PlacedBead, gcode_lines
 from decmcts.planning.events import Report, unheard
-from decmcts.planning.options import Limits
 from decmcts.planning.problem.slicing import SlicedFolder
-from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.problem.source import Source, read
 from decmcts.print.contours import Role
 from decmcts.print.machine import Machine
 
@@ -107,12 +106,10 @@ def from_arrays(
     folder = SlicedFolder()
     file = folder.path / "arrays.gcode"
     file.write_text("\n".join(gcode_lines(beads, chosen)) + "\n", encoding="utf-8", newline="\n")
-    source = read_source(file, printer, limits=Limits.SOURCE, report=report)
-    return replace(source, folder=folder)
+    return replace(read(file, printer, report=report), folder=folder)
 
 
 def _paths(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> list[NDArray[np.float64]]:
-    """Return the points of each contour."""
     _require("points", points.ndim == 2 and points.shape[-1] == 3, "must have shape (n_points, 3)")
     _require("points", np.isfinite(points).all(), "must be finite")
     shaped = offsets.ndim == 1 and len(offsets) >= 2 and offsets.dtype.kind in "iu"
@@ -123,7 +120,6 @@ def _paths(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> list[NDAr
 
 
 def _lengths(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the length of each segment, mm."""
     return np.asarray(np.linalg.norm(np.diff(path, axis=0), axis=1))
 
 

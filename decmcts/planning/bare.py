@@ -149,10 +149,7 @@ def compile_sop() -> None:
 
 
 def require_sound(instance: SopInstance, found: SopResult) -> None:
-    """Raise VerificationError unless the sequence solves the instance at the cost it claims.
-
-    It must have each node once and keep every precedence constraint.
-    """
+    """Raise VerificationError unless the sequence solves the instance at the cost it claims."""
     position = np.empty(len(instance), np.int64)
     position[found.order] = np.arange(len(instance))
     a, b = instance.precedence.T

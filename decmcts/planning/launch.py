@@ -1,24 +1,34 @@
-"""Plan for several heads, each its own process."""
+"""Plan for several heads: a process each, or a planner of one's own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from functools import partial
 
+from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
-from agents.launching.spawn import Crew
+from agents.launching.spawn import Agreement, Crew
+from agents.launching.status import AgentStatus, LaunchError, OnProgress
 from decmcts.arguments import checked
-from decmcts.planning.compiling.child import compilation_reported, compiling_beside
-from decmcts.planning.compiling.parts import TEAM, is_compiled
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.planning.compiling import TEAM, compilation_reported, compiling_beside, is_compiled
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.problem.source import Source
 from decmcts.planning.result import Result
-from decmcts.planning.team.own_planner import planned_by
 from decmcts.planning.team.pipeline import Launch, plan_team
+from decmcts.print.job import PrintJob
+from decmcts.print.lags_kernels import Lags
+from decmcts.print.machine import Machine
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.engine.plans import StatedOrder
+from decmcts.team.engine.problem import build_team_problem
+from decmcts.team.incumbent import Budget, TeamIncumbent
+from decmcts.team.planner import TeamPlanner
 
 
 @checked
@@ -115,3 +125,38 @@ def crew_started(heads: int) -> Iterator[Crew | None]:
         return
     with Crew(heads) as crew:
         yield crew
+
+
+def planned_by(
+    planner: TeamPlanner,
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    *,
+    stopping: Stopping,
+    seed: int,
+    lags: Lags | None,
+    start: StatedOrder | None,
+    parameters: Mapping[str, float] | None,
+    on_progress: OnProgress | None,
+) -> LaunchResult:
+    """Return what the planner finds, as if agents had agreed on it.
+
+    Raises LaunchError if it offers no order that keeps all rules.
+    """
+    problem = build_team_problem(job, machine, graph, lags, start)
+    best = TeamIncumbent(problem, Budget(stopping, time.monotonic))
+    planner.plan(best, seed=seed)
+    found, live = best.found, tuple(range(len(machine.heads)))
+    if not found.toolpaths:
+        raise LaunchError("the planner offered no order that keeps all rules")
+    agents = tuple(
+        AgentStatus(
+            head, name, "released", live, found.orders, found.makespan_s, best.seconds,
+            history=found.history,
+        )
+        for head, name in enumerate(problem.head_names)
+    )  # fmt: skip
+    if on_progress is not None:
+        on_progress(agents)
+    return LaunchResult(Agreement({}, found.makespan_s, "", live, agents), found.toolpaths)

@@ -20,6 +20,7 @@ from decmcts.team.planner import TeamPlanner
 
 if TYPE_CHECKING:
     from decmcts.print.job import PrintJob
+from dataclasses import replace
 
 STAGGER_MM = 1.2  # more than two beads of 0.45 mm: ends of one layer touch none of the next
 MOST_STAGGER_MM = 5.0  # farther from where a layer's strips end in step, heads wait for each other
@@ -297,7 +298,54 @@ class TeamSearch:
         return "dec-mcts" if self.planner is None else type(self.planner).__name__.lower()
 
 
+@dataclass(frozen=True, slots=True)
+class Held:
+    """The rules a plan is held to; None: as the plan states.
+
+    Parameters
+    ----------
+    process_order, quality, max_layers_ahead, freedom, min_layer_time_s
+        As in `decmcts.Rules`.
+
+    Raises
+    ------
+    InputError
+        For a limit below zero or beyond what plan.json holds, or a name that is none.
+
+    Examples
+    --------
+    >>> from decmcts import Held
+    >>> Held(quality=True).names()
+    ['quality']
+    """
+
+    process_order: ProcessOrder | None = None
+    quality: bool | None = None
+    max_layers_ahead: int | None = None
+    freedom: Freedom | None = None
+    min_layer_time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        refuse_too_many_ahead(self.max_layers_ahead)
+
+    def names(self) -> list[str]:
+        """Return the names of the rules that are not None."""
+        return [name for name in self.__slots__ if getattr(self, name) is not None]
+
+    @property
+    def any_rule(self) -> bool:
+        """Whether any of them is a rule of the order; the layer time is not."""
+        return bool(set(self.names()) - {"min_layer_time_s"})
+
+    def over(self, rules: OrderRules) -> OrderRules:
+        """Return `rules` with those that are not None here in their place."""
+        named = {name: getattr(self, name) for name in self.names() if name != "min_layer_time_s"}
+        return replace(rules, **named)
+
+
 RULES = Rules()
 NO_QUALITY = Rules(quality=False, min_layer_time_s=0.0)  # as in the literature
 SEARCH = Search()
 TEAM_SEARCH = TeamSearch()
+AS_STATED = Held()

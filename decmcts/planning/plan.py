@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from decmcts.arguments import checked
 from decmcts.errors import InputError
-from decmcts.planning.compiling.child import compilation_reported, compiling_beside
-from decmcts.planning.compiling.parts import parts_for
+from decmcts.planning.compiling import compilation_reported, compiling_beside, parts_for
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import RULES, SEARCH, AvoidWalls, Rules, Search

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.events import Report, Stop, never, unheard
-from decmcts.planning.one_head.certificate import Certificate
+from decmcts.planning.one_head.certificate import Certificate, certify
 from decmcts.planning.one_head.no_slower import write_no_slower
 from decmcts.planning.options import Search, TeamSearch
 from decmcts.planning.problem.planned import History, Planned, before_by_pieces
@@ -22,6 +23,9 @@ from decmcts.planning.writing.lines import source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
 from decmcts.print.brief import brief
 from decmcts.print.plan import PlanDocument
+from decmcts.search.planners import toolpath_cost
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.schedule.metrics import head_toolpath
 from sim.faults import Verdict
 
 
@@ -187,7 +191,7 @@ class Result:
             When nothing can be written there, or the name ends otherwise.
         """
         out = Path(path)
-        self._refuse(out)
+        refuse_unwritable([out], self.source.path)
         refuse_other_suffixes(out, None, None)
         write_plan(self.document, out)
 
@@ -206,7 +210,7 @@ class Result:
         )
 
         out, planned = Path(path), self.planned
-        self._refuse(out)
+        refuse_unwritable([out], self.source.path)
         refuse_other_suffixes(None, out, None)
         details = ReportDetails(
             self.source.name, planned.verdict, planned.problem.graph,
@@ -239,14 +243,11 @@ class Result:
         from sim.pictures.drawings import draw_plan  # and so does matplotlib
 
         out = Path(path)
-        self._refuse(out)
+        refuse_unwritable([out], self.source.path)
         refuse_other_suffixes(None, None, out)
         name, planned = self.source.name, self.planned
         before = before_by_pieces(planned.before, planned.after)
         draw_plan(out, before, planned.after, name=name, layer=layer)
-
-    def _refuse(self, path: Path) -> None:
-        refuse_unwritable([path], self.source.path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,3 +259,55 @@ class Written:
     times: FileTimes | None = None  # of whole files; None for several heads
 
     __repr__ = brief("paths", "times")
+
+
+@checked
+def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
+    """Prove how far from optimal the travels of a result for one head are at most.
+
+    `plan` does so itself, unless its `Search` says `certificate=False`: this is for more time.
+
+    Parameters
+    ----------
+    result : Result
+        What `plan` returned.
+    time_limit_s : float
+        Seconds of proving; `plan` takes ten at most.
+
+    Returns
+    -------
+    Certificate
+        The bound and the gap, in the unit of what was minimised. The bound is no lower than
+        what `plan` has proven.
+
+    Raises
+    ------
+    InputError
+        If the limit is negative or infinite; for the result of several heads, whose bound is
+        on the makespan (`result.bound_s`); and where the source was kept that enters loops where
+        the seam policy does not.
+
+    Examples
+    --------
+    >>> from decmcts import PlannerName, Search, bound, plan, read, sample_path
+    >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
+    >>> quick = Search(time_limit_s=1.0, planner=PlannerName.GREEDY, certificate=False)
+    >>> found = bound(plan(source, quick), time_limit_s=1.0)
+    >>> 0.0 < found.bound <= found.travel
+    True
+    """
+    search = result.search
+    if not isinstance(search, Search):
+        raise InputError("a plan for several heads has no bound on travel", advice="see bound_s")
+    problem = result.planned.problem.for_one_head(search.objective)
+    actions = result.document.plan.heads[0]
+    try:
+        travel = toolpath_cost(problem, head_toolpath(actions))
+    except ValueError as error:  # no order of the problem enters loops as the source does
+        raise InputError(
+            "the source was kept, which enters loops where the seam policy does not",
+            path=result.source.path,
+        ) from error
+    found = certify(problem, travel, stopping=Stopping(time_limit_s), most_s=time_limit_s)
+    proven = result.bound
+    return proven if proven is not None and (proven.bound or 0.0) > (found.bound or 0.0) else found

@@ -117,7 +117,12 @@ def simulate(
         report(Step(f"running with errors of time{so_far(trials)}", len(trials), of))
 
     judged = plan if plan is not None and not files and plan.min_layer_time_s > 0.0 else None
-    material = _material(plan, files, programs, chosen)
+    material: Material | None = None  # heads without a shape meet nothing
+    if any(head.slices or head.bodies for head in chosen.heads):
+        if plan is not None and not files:
+            material = material_of_plan(plan, programs)
+        else:
+            material = material_of_files(programs)
     found = run(
         programs, chosen, timing=timing, size=size, trials=trials, seed=seed, queue=queue,
         on_trial=on_trial, too_soon=lambda one: too_soon(judged, programs, one) if judged else (),
@@ -132,18 +137,6 @@ def so_far(trials: Sequence[Trial]) -> str:
     touched = sum(len(trial.contacts) + len(trial.on_print) for trial in trials)
     nearest = f"heads {min(gaps):.1f} mm apart at least, " if gaps else ""
     return f": {nearest}{touched} contacts so far"
-
-
-def _material(
-    plan: PlanDocument | None, files: Sequence[Path], programs: Sequence[HeadProgram],
-    machine: Machine,
-) -> Material | None:  # fmt: skip
-    """Return what is printed; None: heads have no shape that could meet it."""
-    if not any(head.slices or head.bodies for head in machine.heads):
-        return None
-    if plan is not None and not files:
-        return material_of_plan(plan, programs)
-    return material_of_files(programs)
 
 
 def _refuse(size: float, trials: int, queue: int) -> None:

@@ -16,8 +16,7 @@ from pathlib import Path
 
 from decmcts.feasibility.digest import problem_digest
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.compiling.begin import compile_search, row_of
-from decmcts.planning.compiling.parts import (
+from decmcts.planning.compiling import (
     PRINT,
     TEAM,
     all_parts,
@@ -25,10 +24,11 @@ from decmcts.planning.compiling.parts import (
     mark_compiled,
 )
 from decmcts.planning.one_head.certificate import compile_bound
+from decmcts.planning.one_head.no_slower import draft_single
+from decmcts.planning.one_head.order_search import compile_search, row_of
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import NO_QUALITY, PlannerName, Search
 from decmcts.planning.problem.print_problem import load
-from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.plan import PlanDocument
 from decmcts.search.planners import PLANNERS
 from decmcts.search.sequence.pace import pace_of

@@ -1,14 +1,14 @@
-"""A process beside this one that takes work off it, one call at a time.
+"""Work beside other work of ours: in a thread, or in a process that takes one call at a time.
 
-Python runs one thread of a process at a time, so what is to go on beside other work of ours needs
-a process of its own. It is started ahead, as it takes seconds to load. Calls and results are
-pickled and go through its pipes; nothing else can reach them. It ends with its owner, whatever it
-does at that moment. Where it can't be started, or is lost, the call is made here.
+Kernels and solvers run without the interpreter's lock, so a thread will do for them. Else Python
+runs one thread of a process at a time, and what is to go on beside it needs a process of its own.
+It is started ahead, as it takes seconds to load. Calls and results are pickled and go through its
+pipes; nothing else can reach them. It ends with its owner, whatever it does at that moment. Where
+it can't be started, or is lost, the call is made here.
 """
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import os
 import pickle
@@ -19,11 +19,60 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
+from queue import SimpleQueue
 from typing import IO, Any, TypeVar
 
+from decmcts.jit.kernel import made_by
+
 Returned = TypeVar("Returned")
+YIELDING = 10  # niceness of work that is to take only what agents leave
 _SIZE = 8  # bytes that say how long a message is
+
+
+def begun(work: Callable[[], Returned], *, yielding: bool = False) -> Future[Returned]:
+    """Begin work in a thread that no exit waits for; kernels and solver run without the lock.
+
+    A `yielding` thread lets all others go first, agents too, on systems where threads have a
+    priority of their own. Its kernels are loaded and compiled at the usual priority: others
+    wait for the compiler meanwhile.
+    """
+    found: Future[Returned] = Future()
+    target = partial(_yielding, work, found) if yielding else partial(_done, work, found)
+    threading.Thread(target=target, name="beside", daemon=True).start()
+    return found
+
+
+def _done(work: Callable[[], Returned], found: Future[Returned]) -> None:
+    try:
+        found.set_result(work())
+    except BaseException as error:
+        found.set_exception(error)
+
+
+def _yielding(work: Callable[[], Returned], found: Future[Returned]) -> None:
+    """Have work done in a thread of low priority, and make its kernels in this one."""
+    asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+
+    def make(call: Callable[[], Any]) -> Any:
+        made: Future[Any] = Future()
+        asked.put(partial(_done, call, made))
+        return made.result()
+
+    def run() -> None:
+        try:
+            with made_by(make):
+                if sys.platform == "linux":  # elsewhere it would be the priority of the process
+                    with suppress(OSError):
+                        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), YIELDING)
+                _done(work, found)
+        finally:
+            asked.put(None)
+
+    threading.Thread(target=run, name="yielding", daemon=True).start()
+    while (wanted := asked.get()) is not None:
+        wanted()
 
 
 class Worker:
@@ -55,8 +104,13 @@ class Worker:
         self, found: Future[Returned], function: Callable[..., Returned], given: tuple[Any, ...]
     ) -> None:
         """Set the result of a call; made here where no answer comes."""
+        process = self._process
         try:
-            error, value = self._answer(function, given)
+            if process is None or process.stdin is None or process.stdout is None:
+                raise EOFError
+            with self._one:
+                _send(process.stdin, (function, given))
+                error, value = _receive(process.stdout)
         except Exception:  # a pipe that ended, or what can't be packed or unpacked: anything
             if self._over:
                 found.cancel()
@@ -66,15 +120,6 @@ class Worker:
             found.set_exception(error)
         else:
             found.set_result(value)
-
-    def _answer(self, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
-        """Return the error and the result of a call; raises OSError or EOFError without answer."""
-        process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
-            raise EOFError
-        with self._one:
-            _send(process.stdin, (function, given))
-            return _receive(process.stdout)
 
 
 @contextmanager
@@ -97,7 +142,7 @@ def worker(*modules: str) -> Iterator[Worker]:
         yield found
     finally:
         found.end()
-        with contextlib.suppress(OSError), process:  # unsent words of a call that ended early
+        with suppress(OSError), process:  # unsent words of a call that ended early
             pass
 
 
@@ -131,7 +176,7 @@ def _whole(pipe: IO[bytes], size: int) -> bytes:
 
 def main() -> None:
     """Make the calls that come in, until their sender is gone."""
-    with contextlib.suppress(ValueError):
+    with suppress(ValueError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the owner decides what Ctrl-C ends
     calls: queue.Queue[tuple[Callable[..., Any], tuple[Any, ...]]] = queue.Queue()
     answers = os.fdopen(os.dup(1), "wb")

@@ -22,8 +22,8 @@ from agents.messages.event_stream import read_events
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Event, Note
 from decmcts.planning.running.launcher import Launcher
-from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.run import RunResult, run
+from decmcts.planning.running.team import RunOptions
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import state_of_events
 from tests.makers.printed import printed_mm, printed_twice

@@ -17,7 +17,7 @@ from decmcts.planning.events import unheard
 from decmcts.planning.options import Limits, Rules
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import problem_of
-from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.problem.source import Source, read
 from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_state import PrintState, state_of_events
@@ -45,9 +45,7 @@ def railed(folder: Path, heads: int) -> tuple[PlanDocument, Source]:
     centres = [(length * (k + 0.5) / heads, 100.0 + 20.0 * (k % 2)) for k in range(heads)]
     path = folder / "in.gcode"
     path.write_text(_SKIRT.sub("", made_gcode(centres, size_mm=60.0, layers=3), count=1))
-    source = read_source(
-        path, machine, limits=Limits.MACHINE, report=unheard
-    )  # fmt: skip
+    source = read(path, machine, limits=Limits.MACHINE, report=unheard)
     problem = problem_of(source, Rules(), unheard)
     of = (problem.job.contours.start[:, 0] // (length / heads)).astype(np.int64)
     paths = []

@@ -10,6 +10,7 @@ from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.options import (
     Freedom,
+    Held,
     Objective,
     PlannerName,
     ProcessOrder,
@@ -18,7 +19,6 @@ from decmcts.planning.options import (
     Search,
     TeamSearch,
 )
-from decmcts.planning.verifying.held import Held
 from decmcts.search.planners import PLANNERS
 from decmcts.search.sequence.incumbent import Incumbent
 

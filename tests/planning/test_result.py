@@ -9,11 +9,10 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
-from decmcts.planning.bound import bound
 from decmcts.planning.options import Freedom, PlannerName, Rules, Seam, Search
 from decmcts.planning.plan import plan
-from decmcts.planning.read import read
-from decmcts.planning.result import Result
+from decmcts.planning.problem.source import read
+from decmcts.planning.result import Result, bound
 from decmcts.planning.verify import verify
 from tests.planning.problem.test_first_check import LAYERS
 from tests.prints import four_parts

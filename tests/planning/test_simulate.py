@@ -18,7 +18,7 @@ from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step, unheard
 from decmcts.planning.options import Cut, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import problem_of
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import read
 from decmcts.planning.result import Result
 from decmcts.planning.simulate import USUAL_HEADS, simulate
 from decmcts.planning.team.pipeline import plan_team

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from decmcts.formats.gcode import read_gcode
+from decmcts.planning import compiling as parts
 from decmcts.planning import warm
-from decmcts.planning.compiling import parts
 from decmcts.planning.warm import compile_part, smallest_gcode, smallest_job
 from decmcts.samples import sample_path
 

@@ -20,7 +20,7 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.formats.plans.plan_json import write_plan
-from decmcts.planning.verifying.judge import digest_of
+from decmcts.planning.verify import digest_of
 from sim.verify import verify_plan
 
 ROOM = 2**30

@@ -13,7 +13,7 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.experiments.made_print import made_gcode
 from decmcts.formats.plans.plan_json import read_plan, write_plan
-from decmcts.planning.verifying.judge import digest_of
+from decmcts.planning.verify import digest_of
 from sim.faults import FaultKind
 from sim.verify import verify_plan
 from tests.mutants.catalogue import NotHereError

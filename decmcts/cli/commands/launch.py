@@ -19,17 +19,16 @@ from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import is_qcsp
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
-from decmcts.planning.compiling.child import compiling_beside
-from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.compiling import TEAM, compiling_beside
 from decmcts.planning.events import Event, Heads, Step
 from decmcts.planning.launch import crew_started
 from decmcts.planning.launch import launch as launch_heads
 from decmcts.planning.options import RULES, TEAM_SEARCH, Cut, Limits, Objective, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import with_tools
 from decmcts.planning.problem.slicing import Slicing
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import read
 from decmcts.planning.result import Result
-from decmcts.planning.team.outcome import lines_of
+from decmcts.planning.team.joint import lines_of
 from decmcts.planning.writing.file_times import is_longer
 from decmcts.planning.writing.heads import head_files, stem_of
 from decmcts.planning.writing.lines import cooling_line, source_lines

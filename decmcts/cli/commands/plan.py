@@ -23,13 +23,12 @@ from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, is_mesh, refuse_other_shape
-from decmcts.planning.compiling.child import compiling_beside
-from decmcts.planning.compiling.parts import parts_for
+from decmcts.planning.compiling import compiling_beside, parts_for
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.options import RULES, SEARCH, Limits, PlannerName, Rules, Search
 from decmcts.planning.plan import plan as find_order
 from decmcts.planning.problem.slicing import AUTO, Slicing, choose_slicer
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import read
 from decmcts.planning.result import Result, Written
 from decmcts.planning.writing.lines import cooling_line, layers_line, source_lines
 from decmcts.planning.writing.places import (

@@ -22,7 +22,7 @@ from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Step
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.made_from import rules_of
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import read
 from decmcts.planning.replanning.fenced import fenced_places, late_heads, other_tools, refuse_unfit
 from decmcts.planning.replanning.park_files import park_paths, refuse_earlier
 from decmcts.planning.replanning.replan import Rest, rest_of, search_of

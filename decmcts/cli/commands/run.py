@@ -26,15 +26,13 @@ from decmcts.formats.mesh import is_mesh
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Event, Note, Report, Step
 from decmcts.planning.options import Limits
-from decmcts.planning.problem.source import Source
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import Source, read
 from decmcts.planning.replanning.fenced import other_tools, refuse_other_diameters
 from decmcts.planning.replanning.rest import LeftBeads
-from decmcts.planning.running.keeping import Keeping, refuse_earlier
-from decmcts.planning.running.options import Failure, RunOptions, RunView, Show, unseen
 from decmcts.planning.running.recorded import unkept
-from decmcts.planning.running.run import RunResult
+from decmcts.planning.running.run import Keeping, RunResult, refuse_earlier
 from decmcts.planning.running.run import run as carry_out
+from decmcts.planning.running.team import Failure, RunOptions, RunView, Show, unseen
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.print.figures import clock_time
 from decmcts.print.plan import PlanDocument

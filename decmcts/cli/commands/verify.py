@@ -9,8 +9,8 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.console import err, out, print_json, steps
+from decmcts.planning.options import Held
 from decmcts.planning.verify import verify as judge
-from decmcts.planning.verifying.held import Held
 from sim.faults import Verdict
 from sim.verdict_lines import checked_lines, nearest_facts
 

@@ -7,8 +7,7 @@ import typer
 from decmcts.cli.console import err, out, steps
 from decmcts.cli.options import app
 from decmcts.jit.store import cache_home, remove_unused
-from decmcts.planning.compiling.child import made
-from decmcts.planning.compiling.parts import all_parts, cache_line, is_compiled
+from decmcts.planning.compiling import all_parts, cache_line, is_compiled, made
 from decmcts.planning.events import Step
 
 

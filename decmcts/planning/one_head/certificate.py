@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from decmcts.planning.compiling.begin import row_of
+from decmcts.planning.compiling import bound_part, is_compiled, unit_for
+from decmcts.planning.events import Report, Step
+from decmcts.planning.one_head.order_search import row_of
+from decmcts.planning.options import Search
 from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import EXACT_UP_TO, lower_bound
 from decmcts.search.sequence.problem import OrderProblem
@@ -87,8 +90,17 @@ def certify(
     return Certificate(travel, found.bound, found.gap_percent(travel), unit, method)
 
 
-def early_bound(problem: OrderProblem, *, stopping: Stopping) -> float | None:
-    """Return a bound to show while searching, made in a twentieth of what the search has."""
+def early_bound(
+    problem: OrderProblem, search: Search, stopping: Stopping, report: Report
+) -> float | None:
+    """Return a bound to show while searching, made in a twentieth of what the search has.
+
+    None where there is no time for it, or where its kernels are not compiled yet.
+    """
+    early = search.certificate and search.time_limit_s >= EARLY_FROM_S
+    if not (early and is_compiled(bound_part(unit_for(problem)))) or stopping.is_asked():
+        return None
+    report(Step("a first bound on the travel"))
     allowed_s = stopping.shortened(EARLY_SHARE).seconds_up_to(MOST_EARLY_S)
     if len(problem) <= EXACT_UP_TO or _too_large(len(problem), allowed_s):
         return None

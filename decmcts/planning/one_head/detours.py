@@ -36,7 +36,7 @@ class WallRule:
     always: bool = False
     most_mm: float = np.inf  # of travel over outer walls, if there are ways round
     over: float = 0.0  # share by which a search takes a travel over walls to be longer
-    found: list[Detours] = field(default_factory=list)  # ways for no price, once they were asked
+    found: list[Detours] = field(default_factory=list)  # ways for no price; each loop is looked at
 
     @staticmethod
     def of(problem: PrintProblem, sliced: FileTime | None) -> WallRule:
@@ -70,7 +70,12 @@ class WallRule:
         gaps = _gaps(problem, toolpath)
         if not self.always and straight_over_walls_mm(self.walls, *gaps) <= self.most_mm:
             return None
-        least_mm, ways = problem.job.settings.retract_min_travel_mm, self._ways(problem)
+        if not self.found:
+            head = problem.machine.heads[0]
+            reach = (*head.reach_min[:2], *head.reach_max[:2])
+            ways = Detours.of(problem.job.contours, 0.0, self.walls)
+            self.found.append(replace(ways, reach=reach))
+        least_mm, ways = problem.job.settings.retract_min_travel_mm, self.found[0]
         for price in PRICES:
             if self.always and price < ALWAYS:
                 continue
@@ -79,15 +84,6 @@ class WallRule:
             if ways.over_walls_mm(*gaps) <= self.most_mm:
                 break
         return ways
-
-    def _ways(self, problem: PrintProblem) -> Detours:
-        """Return the print's ways, without a price; found once, as each loop is looked at."""
-        if not self.found:
-            head = problem.machine.heads[0]
-            reach = (*head.reach_min[:2], *head.reach_max[:2])
-            ways = Detours.of(problem.job.contours, 0.0, self.walls)
-            self.found.append(replace(ways, reach=reach))
-        return self.found[0]
 
 
 def _gaps(

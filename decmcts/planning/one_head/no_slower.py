@@ -16,8 +16,11 @@ from functools import partial
 from pathlib import Path
 
 from decmcts.formats.files.atomic import draft_folder, write_whole
+from decmcts.formats.gcode import write_gcode
 from decmcts.formats.gcode.controller.duration import print_time
+from decmcts.formats.gcode.dialects.stated_times import restated
 from decmcts.formats.gcode.text.source_text import load_text, packed_text
+from decmcts.formats.gcode.writing.own_header import as_sliced, with_time
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_judged
@@ -27,19 +30,56 @@ from decmcts.planning.problem.planned import Planned, check
 from decmcts.planning.writing.file_times import (
     FileTimes,
     compared_with,
+    file_times,
     gains,
     more_over_walls,
     with_whole_files,
     worth_longer,
 )
-from decmcts.planning.writing.lines import kept_line
-from decmcts.planning.writing.one_head import draft_single
-from decmcts.planning.writing.places import STDOUT, put
+from decmcts.planning.writing.lines import header_lines, kept_line
+from decmcts.planning.writing.places import STDOUT, name_of, put, require_sound
 from decmcts.print.metrics import Metrics
+from sim.content.seams import seams_of_plan
+from sim.files.written import verify_written
 
+STEPS = 3  # of a draft: written, timed, judged
 AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the first search's time, and at most so many s
-DraftOf = Callable[[Planned, Path, Path], FileTimes]
-"""Writes a plan's G-code to the second argument, to be named as the third; returns its times."""
+
+
+def draft_single(
+    planned: Planned,
+    draft: Path,
+    path: Path,
+    *,
+    write: Callable[..., None] = write_gcode,
+    report: Report = unheard,
+) -> FileTimes:
+    """`write` the reordered G-code of a one-head plan to a draft and read it back.
+
+    Raises VerificationError when the text differs from the verified plan; it names `path`, where it
+    was to go.
+    """
+    problem, actions, name = planned.problem, planned.after.plan.heads[0], name_of(path)
+    report(Step(f"writing {name}", 1, STEPS))
+    write(problem.document, problem.job, actions, draft, header_lines=header_lines(planned))
+    report(Step(f"print time of {name}", 2, STEPS))
+    times = file_times(planned, draft)
+    if times.before_s:
+        text = restated(draft.read_bytes(), times.after_s / times.before_s)
+        was = as_sliced(problem.document.preamble)
+        sliced_s = times.before_s if was is None or was.time_s is None else was.time_s
+        draft.write_bytes(with_time(text, sliced_s, times.after_s))
+    report(Step(f"reading {name} back and judging it", 3, STEPS))
+    seams = list(seams_of_plan(actions))
+    verdict = verify_written(
+        draft, problem.job, problem.document, problem.machine, seams=seams, actions=actions
+    )
+    require_sound(verdict, path)
+    made_of = problem.source.regrouped
+    given = problem.source.original if made_of is None else made_of.given
+    if given is not None:  # another order was made of it: judged by what was given too
+        require_sound(verify_written(draft, given.job, given.document, problem.machine), path)
+    return times
 
 
 def write_no_slower(
@@ -50,16 +90,12 @@ def write_no_slower(
     allow_slower: bool,
     report: Report = unheard,
     stop: Stop = never,
-    draft_of: DraftOf | None = None,
+    draft_of: Callable[[Planned, Path, Path], FileTimes] | None = None,
 ) -> tuple[Planned, FileTimes]:
     """Write the G-code of one head to `path`; returns what was written and its times.
 
-    Where the source is kept `path` becomes a copy of it, unless it is the source.
-
-    Raises
-    ------
-    VerificationError
-        When the text differs from the verified plan; what was at `path` is untouched.
+    Where the source is kept `path` becomes a copy of it, unless it is the source. Raises
+    VerificationError when the text differs from the verified plan; what was at `path` is untouched.
     """
     draft_of = draft_of or partial(draft_single, report=report)
     with draft_folder() as folder:
@@ -84,7 +120,6 @@ def write_no_slower(
 
 
 def _for_time(planned: Planned, search: Search, report: Report, stop: Stop) -> Planned:
-    """Search for time after a search for travel."""
     report(Step("the file would take longer than its source: searching for time"))
     limit_s = min(AGAIN_SHARE * search.time_limit_s, AGAIN_MOST_S)
     for_time = replace(
@@ -113,12 +148,15 @@ def _kept(
     after = replace(before, metrics={**before.metrics, **stated})
     own = check(planned.problem, before, after, planned.history, planned.seconds, report)
     if not (path.exists() and path.samefile(source)):
-        copy_source(source, path, planned.problem.source.plate)
+        plate = planned.problem.source.plate
+        if path != STDOUT and path.suffix == source.suffix:
+            write_whole(path, source.read_bytes())
+        else:  # packed or unpacked only where the names say so
+            put(packed_text(load_text(source, plate), path, source, plate), path, packed=True)
     return own, kept
 
 
 def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> bytes:
-    """Return the G-code of a result as a file of this name holds it."""
     source, was_s = planned.problem.source, times.before_s
     source = source if source.regrouped is None else source.regrouped.given
     if source.original is not None and not is_mesh(source.path):
@@ -127,11 +165,3 @@ def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> byte
         was_s = print_time(source.path, limits, own_limits=own, plate=source.plate).total_s
     ratio = times.after_s / was_s if was_s else 1.0
     return packed_text(text, path, source.path, source.plate, time_ratio=ratio)
-
-
-def copy_source(source: Path, path: Path, plate: int | None = None) -> None:
-    """Write a file as it is; packed or unpacked only where the names say so."""
-    if path != STDOUT and path.suffix == source.suffix:
-        write_whole(path, source.read_bytes())
-    else:
-        put(packed_text(load_text(source, plate), path, source, plate), path, packed=True)

@@ -7,18 +7,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from decmcts.formats.gcode.controller.duration import FileTime
-from decmcts.planning.compiling.begin import compile_search
-from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, unit_for
+from decmcts.planning.compiling import PRINT, is_compiled
 from decmcts.planning.events import Note, Report, Sound, Step, Stop, never, unheard
-from decmcts.planning.one_head.beside import searched_beside
-from decmcts.planning.one_head.certificate import EARLY_FROM_S, SHARE, certify, early_bound
+from decmcts.planning.one_head.certificate import SHARE, certify, early_bound
 from decmcts.planning.one_head.detours import WallRule
-from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
+from decmcts.planning.one_head.order_search import (
+    OrderSearch,
+    compile_search,
+    searched_beside,
+    source_toolpath,
+)
 from decmcts.planning.options import AvoidWalls, Freedom, Objective, Search
 from decmcts.planning.problem import first_check
 from decmcts.planning.problem.first_check import refuse_unsound, refuse_unwritable
@@ -45,15 +48,9 @@ from decmcts.team.schedule.cooling import (
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
 
-BESIDE_FROM = 20_000
-"""Contours from which the text of the source's own order is judged while the search runs."""
+BESIDE_FROM = 20_000  # contours: the text of their own order is judged while the search runs
 Judge = Callable[[], PlanDocument]
 """Returns the plan of the source's own order once it was judged; InputError if it has faults."""
-Refuse = Callable[[PrintProblem, PlanDocument], None]
-"""Raises InputError where the plan of the source's own order has faults; `refuse_unsound`."""
-RefuseText = Callable[[PrintProblem, PlanDocument], tuple[str, ...]]
-"""Raises InputError where the source's own order can't be written; `refuse_unwritable`."""
-FIRST_STEP = "the source's own order, judged before anything is searched"
 
 
 def plan_one_head(
@@ -64,77 +61,51 @@ def plan_one_head(
     report: Report = unheard,
     stop: Stop = never,
     compiled: Callable[[str], bool] = is_compiled,
-    refuse: Refuse = refuse_unsound,
-    refuse_text: RefuseText = refuse_unwritable,
+    refuse: Callable[..., None] = refuse_unsound,
+    refuse_text: Callable[..., tuple[str, ...]] = refuse_unwritable,
 ) -> Planned:
     """Have the source's own order judged and find a better one.
 
     With `writes` a print whose G-code could not be written is refused before the search, or while
-    it runs: the text of a large print takes as long to judge as many a search. If the judge is
-    not `compiled` yet, compiling it takes longer than compiling a first search. Then the search
-    begins while the source's own order is judged.
-
-    Raises
-    ------
-    InputError
-        When the judge refuses the source's own order (`refuse` its plan, `refuse_text` its
-        text), and so every other.
-    VerificationError
-        When the judge refuses the plan.
+    it runs: the text of a large print takes as long to judge as many a search. If the judge is not
+    `compiled` yet, compiling it takes longer than compiling a first search. Then the search begins
+    while the source's own order is judged. Raises InputError when the judge refuses the source's
+    own order (`refuse` its plan, `refuse_text` its text), and so every other, VerificationError
+    when the judge refuses the plan.
     """
-    own = _OwnOrder(problem, writes, report, refuse, refuse_text)
+
+    def judged() -> PlanDocument:
+        before = source_plan(problem)
+        refuse(problem, before)
+        if writes:
+            _warn(refuse_text(problem, before), report)
+        report(Sound())
+        return before
+
     if not compiled(PRINT):
-        return plan_judged(problem, search, judge=own.judged, report=report, stop=stop)
-    if writes and len(problem.job.contours) >= BESIDE_FROM:
-        return _plan_large(own, search, stop)
-    report(Step(FIRST_STEP))
-    return plan_judged(problem, search, before=own.judged(), report=report, stop=stop)
-
-
-def _plan_large(own: _OwnOrder, search: Search, stop: Stop) -> Planned:
-    """Plan a print while a process of its own judges the text of the source's own order."""
-    report = own.report
+        return plan_judged(problem, search, judge=judged, report=report, stop=stop)
+    report(Step("the source's own order, judged before anything is searched"))
+    if not writes or len(problem.job.contours) < BESIDE_FROM:
+        return plan_judged(problem, search, before=judged(), report=report, stop=stop)
     with worker(first_check.__name__) as beside:
-        report(Step(FIRST_STEP))
-        before = source_plan(own.problem)
-        text = beside.call(own.refuse_text, own.problem, before)
-        own.refuse(own.problem, before)
+        before = source_plan(problem)
+        text = beside.call(refuse_text, problem, before)
+        refuse(problem, before)
         report(Sound())
 
         def until() -> bool:
             return stop() or (text.done() and text.exception() is not None)
 
-        planned = plan_judged(own.problem, search, before=before, report=report, stop=until)
+        planned = plan_judged(problem, search, before=before, report=report, stop=until)
         if not text.done():
             report(Step("the text of the source's own order, judged before anything is written"))
-        own.warn(text.result())
+        _warn(text.result(), report)
     return planned
 
 
-@dataclass(slots=True)
-class _OwnOrder:
-    """The source's own order, and what judges it."""
-
-    problem: PrintProblem
-    writes: bool
-    report: Report
-    refuse: Refuse
-    refuse_text: RefuseText
-
-    def judged(self) -> PlanDocument:
-        """Return its plan once that was judged, and its text where one is written."""
-        before = source_plan(self.problem)
-        self.refuse(self.problem, before)
-        if self.writes:
-            self.warn(self.refuse_text(self.problem, before))
-        self.report(Sound())
-        return before
-
-    def warn(self, lines: tuple[str, ...]) -> None:
-        """Report what is bad in its text."""
-        for line in lines:
-            stated = f"the source drives the head into the print, which is kept: {line}"
-            self.report(Note(stated))
+def _warn(lines: tuple[str, ...], report: Report) -> None:
+    for line in lines:
+        report(Note(f"the source drives the head into the print, which is kept: {line}"))
 
 
 def search_alone(
@@ -189,7 +160,7 @@ def plan_judged(
         sliced = source_time(problem)
     walls = WallRule.of(problem, sliced)
     stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
-    bound = _first_bound(order_problem, search, stopping, report)
+    bound = early_bound(order_problem, search, stopping, report)
     report(Step("preparing the search"))
     started = time.perf_counter()
     before, lags, result = _searched(
@@ -245,30 +216,13 @@ def _searched(
     return before, lags, found or order.search(order.begin(stopping.is_asked), stopping)
 
 
-def _first_bound(
-    order_problem: OrderProblem, search: Search, stopping: Stopping, report: Report
-) -> float | None:
-    """Return a bound to show while searching, where there is time for it."""
-    compiled = is_compiled(bound_part(unit_for(order_problem)))
-    early = search.certificate and search.time_limit_s >= EARLY_FROM_S
-    if not (early and compiled) or stopping.is_asked():
-        return None
-    report(Step("a first bound on the travel"))
-    return early_bound(order_problem, stopping=stopping)
-
-
 def _search_metrics(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:
-    """Return what a plan's metrics say of the search."""
     rules = problem.rules
-    stated: Metrics = {
+    return {
         "planner": search.name,
         "objective": search.objective.value,
         "freedom": rules.freedom.value,
-    }
-    if rules.freedom == Freedom.SEAM:
-        stated["seam"] = rules.seam.value
-    return {
-        **stated,
+        **({"seam": rules.seam.value} if rules.freedom == Freedom.SEAM else {}),
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,
         "iterations": result.iterations,

@@ -109,17 +109,14 @@ def _written(source: Source, free: FreeChanges, runs: ToolRuns, made_of: Regroup
     if isinstance(found, str):
         return found
     made_of = replace(made_of, left_s=made_of.left_s[order])
-    job = replace(found.job, notes=(*found.job.notes, *_stay(free)))
-    return replace(found, job=job, regrouped=made_of)
-
-
-def _stay(free: FreeChanges) -> list[str]:
-    """Return the note on the changes that stay, if any do."""
-    if not free.walls:
-        return []
-    one = free.walls == 1
-    they = "change of tools stays where it is" if one else "changes of tools stay where they are"
-    return [f"{free.walls} {they}: {free.why}"]
+    notes = found.job.notes
+    if free.walls:
+        one = free.walls == 1
+        they = (
+            "change of tools stays where it is" if one else "changes of tools stay where they are"
+        )
+        notes = (*notes, f"{free.walls} {they}: {free.why}")
+    return replace(found, job=replace(found.job, notes=notes), regrouped=made_of)
 
 
 def of_given(planned: Planned) -> Planned:
@@ -159,13 +156,9 @@ def by_tool(
     """Return an order with few changes of tools; None where no allowed change leads on.
 
     Each stretch begins and ends with the tool that it begins and ends with in the source. Within
-    a run contours stand as in the source, as far as precedence allows. Takes
+    a run contours stand as in the source, as far as precedence allows. `tool` and `stretch`, (n,),
+    are in the source's order, which keeps `graph`; `stretch` never falls. Takes
     O((n + edges) k log n) for k tools in use, for each change.
-
-    Parameters
-    ----------
-    tool, stretch : (n,)
-        In the source's order, which keeps `graph`; `stretch` never falls.
     """
     front = _Front.of(graph, tool)
     order, run, number = list[int](), list[int](), 0

@@ -25,9 +25,6 @@ from sim.faults import Verdict
 from sim.files.written import verify_written
 from sim.verify import verify_plan
 
-VerifyFile = Callable[..., Verdict]
-"""Judges a file made from a print: `verify_written`, or in a test what stands for it."""
-
 
 def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
     """Raise InputError where the plan of the source's own order for one head has faults."""
@@ -37,7 +34,7 @@ def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
 
 
 def refuse_unwritable(
-    problem: PrintProblem, before: PlanDocument, *, verify: VerifyFile = verify_written
+    problem: PrintProblem, before: PlanDocument, *, verify: Callable[..., Verdict] = verify_written
 ) -> tuple[str, ...]:
     """Raise InputError where the source's own order, planned as `before`, has faults as written.
 
@@ -55,7 +52,6 @@ def refuse_unwritable(
 
 
 def _refusal(problem: PrintProblem, verdict: Verdict, lines: SourceLines | None) -> InputError:
-    """Return the error that says what is wrong with the source's own order."""
     count, shown = len(verdict.faults), verdict.shown
     shown = shown if lines is None else lines.stated(shown)
     line = None if lines is None else lines.first(verdict.faults[0].text)
@@ -80,11 +76,9 @@ class SourceLines:
 
     @staticmethod
     def of(draft: Path, contour_lines: NDArray[np.int32]) -> SourceLines:
-        """Return the lines of a draft; of none where it cannot be read.
+        """Return the lines of a draft whose contours stand in the order of `contour_lines`.
 
-        Parameters
-        ----------
-        contour_lines : (n,) where the source begins each contour, in the draft's order
+        Of none where it cannot be read.
         """
         none = np.zeros(0, np.int64)
         try:

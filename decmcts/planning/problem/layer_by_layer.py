@@ -50,11 +50,8 @@ def safe_problem(
 ) -> PrintProblem:
     """Return the problem of a source, or of a safe order made of it where its own has none.
 
-    Raises
-    ------
-    InputError
-        When the machine cannot print it; where `make_safe` is False, also when its own order is
-        not safe.
+    Raises InputError when the machine cannot print it; where `make_safe` is False, also when its
+    own order is not safe.
     """
     try:
         return problem_of(source, rules, report)
@@ -71,37 +68,28 @@ def safe_problem(
 def layer_by_layer(source: Source, collision: CollisionError, report: Report) -> Source:
     """Return the source in an order from the bottom to the top, within its barriers.
 
-    Raises
-    ------
-    InputError
-        When that order hits something too, or cannot be written.
+    Raises InputError when that order hits something too, or cannot be written.
     """
     report(Step("the source's own order would hit the part: writing it layer by layer"))
-    job, order = source.job, bottom_up(source.job.contours)
-    if (barrier := barrier_between(job.contours, source.document, order)) is not None:
+    job, contours = source.job, source.job.contours
+    by_height = np.arange(len(contours)), np.round(contours.top, SAME_MM), contours.epoch
+    order = np.lexsort(by_height).astype(np.int32)
+    if (barrier := barrier_between(contours, source.document, order)) is not None:
         if (phases := in_phases(job, source.document)) is None:
             raise _no_order(source, collision, f"nothing may be moved across {barrier}")
         once = replace(source, job=phases[0], document=phases[1])
         return layer_by_layer(once, collision, report)
-    machine = _one_head(source.machine, job.contours)
+    alone = source.machine if len(source.machine.heads) == 1 else lone_machine(source.machine)
+    machine = parked_above(alone, contours)
     found = rewritten(source, job, source.document, order, machine, times=True)
     if isinstance(found, str):
-        raise _no_order(source, collision, found + _in_one_piece(job.contours))
+        raise _no_order(source, collision, found + _in_one_piece(contours))
     note = (
         f"the source's own order would hit the part (line {collision.line}: {collision.what}); "
         "it is printed layer by layer instead, and compared with that"
     )
     layered = replace(found.job, notes=(*found.job.notes, note))
     return replace(found, job=layered, original=source)
-
-
-def bottom_up(contours: Contours) -> NDArray[np.int32]:
-    """Return the contours by height of their tops, in the source's order where equal, (n,).
-
-    Nothing crosses a barrier.
-    """
-    top = np.round(contours.top, SAME_MM)
-    return np.lexsort((np.arange(len(contours)), top, contours.epoch)).astype(np.int32)
 
 
 def barrier_between(
@@ -167,12 +155,6 @@ def write_order(
     return plan.heads[0]
 
 
-def _one_head(machine: Machine, contours: Contours) -> Machine:
-    """Return the machine with one head alone, which reaches everything if it had others."""
-    alone = machine if len(machine.heads) == 1 else lone_machine(machine)
-    return parked_above(alone, contours)
-
-
 def with_source_lines(layered: PrintJob, source: PrintJob, order: NDArray[np.int32]) -> PrintJob:
     """Return what was read of the draft with the source's lines of contours and barriers."""
     line = {(barrier.text, barrier.reason): barrier.line for barrier in source.barriers}
@@ -189,9 +171,7 @@ def with_epochs(
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return what was read of the draft so that nothing crosses what it may not in the source.
 
-    Parameters
-    ----------
-    own : (n,) epochs of the source, in the draft's order: never falling
+    `own` are the epochs of the source, (n,) in the draft's order: never falling.
     """
     ours = layered.contours.epoch
     begins = (np.diff(ours, prepend=ours[:1]) != 0) | (np.diff(own, prepend=own[:1]) != 0)
@@ -219,7 +199,6 @@ def _in_one_piece(contours: Contours) -> str:
 
 
 def _no_order(source: Source, collision: CollisionError, why: str) -> InputError:
-    """Return the error for a print that cannot be printed layer by layer either."""
     return InputError(
         f"{collision.what}; layer by layer it cannot be printed either: {why}",
         path=source.path,

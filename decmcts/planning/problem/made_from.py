@@ -46,12 +46,7 @@ def source_of(document: PlanDocument, named: Source) -> Source:
     """Return a source as a plan was made of it.
 
     Without its wipe tower if the plan has none; in a safe order where the source's own is none;
-    with as few changes of tools.
-
-    Raises
-    ------
-    InputError
-        Where it is not the print of the plan.
+    with as few changes of tools. Raises InputError where it is not the print of the plan.
     """
     if (made := _as_made(document, named)) is not None:
         return made
@@ -80,10 +75,7 @@ def as_planned_anew(document: PlanDocument, named: Source) -> Source:
 
 
 def _as_made(document: PlanDocument, named: Source) -> Source | None:
-    """Return a source as it is, layer by layer, or with fewer changes of tools.
-
-    What a plan was made of; None: of none of these.
-    """
+    """Return what a plan was made of: a source as it is, safe, or with fewer changes; else None."""
     if is_made_from(document, named.job, named.document):
         return named
     if len(named.job.contours) == _count(document):

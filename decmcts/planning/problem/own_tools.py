@@ -33,44 +33,27 @@ def team_problem(source: Source, rules: Rules, report: Report) -> PrintProblem:
     """Return the problem of a source for several heads.
 
     Changes of tools are walls only where they have to be, or where no order is safe without them.
-
-    Raises
-    ------
-    InputError
-        When the machine cannot print it.
+    Raises InputError when the machine cannot print it.
     """
     if rules.without_tower:
         source = towerless(source)
-    free = unwalled(source, report)
-    if free is not source:
-        with suppress(CollisionError):
-            return problem_of(free, rules, report)
+    if one_tool_each(source.machine, source.job.contours):
+        freed = with_own_tools(source.job, source.document)
+        if isinstance(freed, str):
+            report(Note(f"changes of tools stay places nothing is moved across: {freed}"))
+        else:
+            given = source.given or source
+            free = replace(source, job=freed.job, document=freed.document, given=given)
+            with suppress(CollisionError):
+                return problem_of(free, rules, report)
     return safe_problem(source, rules, report)
-
-
-def unwalled(source: Source, report: Report) -> Source:
-    """Return the source without the changes of tools that its heads need not make.
-
-    As it stands where it has one tool, where some head has several of its tools, and where no
-    change is understood; the report is told why.
-    """
-    if not one_tool_each(source.machine, source.job.contours):
-        return source
-    freed = with_own_tools(source.job, source.document)
-    if isinstance(freed, str):
-        report(Note(f"changes of tools stay places nothing is moved across: {freed}"))
-        return source
-    given = source.given or source
-    return replace(source, job=freed.job, document=freed.document, given=given)
 
 
 def towerless(source: Source) -> Source:
     """Return the source without its wipe tower.
 
-    Raises
-    ------
-    InputError
-        Where some head has several tools, which the tower is for, and where it has none.
+    Raises InputError where some head has several tools, which the tower is for, and where it has
+    none.
     """
     if not one_tool_each(source.machine, source.job.contours):
         raise InputError(
@@ -95,12 +78,8 @@ def towerless(source: Source) -> Source:
 def with_tools(machine: Machine, stated: Sequence[str]) -> Machine:
     """Return the machine with tools of its heads as stated, each ``HEAD=N``: its one tool.
 
-    Heads that are not named keep theirs.
-
-    Raises
-    ------
-    InputError
-        For heads the machine has not, heads named twice, and numbers that are none.
+    Heads that are not named keep theirs. Raises InputError for heads the machine has not, heads
+    named twice, and numbers that are none.
     """
     found = dict[str, int]()
     for text in stated:

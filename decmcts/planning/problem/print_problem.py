@@ -17,8 +17,8 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import contacts_between, order_rules, with_contacts
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.planning.events import Report, Step, unheard
-from decmcts.planning.options import RULES, Cut, Freedom, Limits, Objective, Rules
-from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.options import RULES, Cut, Freedom, Objective, Rules
+from decmcts.planning.problem.source import Source, read
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -80,19 +80,14 @@ class PrintProblem:
 
 def load(path: Path, machine: str | Machine | None, rules: Rules = RULES) -> PrintProblem:
     """Read a print and find what must come before what."""
-    source = read_source(path, machine, limits=Limits.SOURCE, report=unheard)
-    return problem_of(source, rules, unheard)
+    return problem_of(read(path, machine), rules, unheard)
 
 
 def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
     """Check that a source fits its machine and find what must come before what.
 
-    With freedom `seam` the graph holds wherever loops are entered.
-
-    Raises
-    ------
-    InputError
-        When the machine cannot print it, or not in its own order.
+    With freedom `seam` the graph holds wherever loops are entered. Raises InputError when the
+    machine cannot print it, or not in its own order.
     """
     job, machine, started = source.job, source.machine, time.perf_counter()
     if source.own_limits:

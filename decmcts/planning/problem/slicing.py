@@ -11,7 +11,7 @@ from collections.abc import Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import NoReturn
 
 from decmcts.arguments import check_fields, checked
 from decmcts.errors import InputError
@@ -196,14 +196,17 @@ def run_slicer(
 ) -> None:
     """Run a slicer in a folder until it ends; none of its processes is left running.
 
-    Raises
-    ------
-    InputError
-        When it cannot start, fails, or takes longer than `timeout_s`.
+    Raises InputError when it cannot start, fails, or takes longer than `timeout_s`.
     """
     program = Path(words[0])
     with (folder / "said.txt").open("wb") as output:
-        process = _start(words, folder, output, program)
+        try:  # in a session of its own, so that all it starts can be ended
+            process = subprocess.Popen(
+                words, cwd=folder, stdin=subprocess.DEVNULL, stdout=output,
+                stderr=subprocess.STDOUT, start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:
+            raise InputError(f"cannot be started ({error.strerror})", path=program) from error
         try:
             code = process.wait(timeout_s)
         except subprocess.TimeoutExpired:
@@ -215,19 +218,6 @@ def run_slicer(
     if code != 0:
         how = f"was ended by signal {-code}" if code < 0 else f"failed with code {code}"
         _fail(program, how, folder, mesh)
-
-
-def _start(
-    words: tuple[str, ...], folder: Path, output: IO[bytes], program: Path
-) -> subprocess.Popen[bytes]:
-    """Start a program in a session of its own, so that all it starts can be ended."""
-    try:
-        return subprocess.Popen(
-            words, cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )  # fmt: skip
-    except OSError as error:
-        raise InputError(f"cannot be started ({error.strerror})", path=program) from error
 
 
 def _fail(program: Path, what: str, folder: Path, mesh: Path) -> NoReturn:

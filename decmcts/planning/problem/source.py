@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arguments import checked
 from decmcts.errors import InputError
 from decmcts.formats.files.reading import require_file
 from decmcts.formats.gcode import GcodeDocument, read_gcode
@@ -23,7 +24,8 @@ from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.own_machine import PAGE, machine_of_text
 from decmcts.formats.mesh import is_mesh, refuse_other_shape
-from decmcts.planning.events import Note, Report, Step
+from decmcts.planning.compiling import compilation_reported
+from decmcts.planning.events import Note, Report, Step, unheard
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.slicing import SlicedFolder, Slicing, choose_slicer
 from decmcts.print.brief import brief
@@ -68,16 +70,60 @@ class Source:
         return exported_file(self.path).name
 
 
-def read_source(
-    path: Path,
-    machine: str | Machine | None,
+@checked
+def read(
+    path: str | Path,
+    machine: str | Machine | None = None,
     *,
-    limits: Limits,
-    report: Report,
+    limits: Limits = Limits.SOURCE,
     mesh: Slicing | None = None,
     plate: int | None = None,
+    report: Report = unheard,
 ) -> Source:
-    """Read `path` for a machine; see `decmcts.planning.read.read`."""
+    """Read G-code, or slice a mesh and read what comes of it.
+
+    Parameters
+    ----------
+    path : str | Path
+        G-code (``.gcode``, ``.gcode.gz``, ``.bgcode``, ``.gcode.3mf``, ``.gx``) or a mesh
+        (``.stl``, ``.3mf``, ``.obj``).
+    machine : str | Machine | None
+        The printer: a `Machine`, or what `load_machine` takes; None: the one the file names.
+        A mesh names none.
+    limits : Limits
+        Whose motion limits count where file and machine both state some.
+    mesh : Slicing | None
+        How a mesh is sliced; None: as `Slicing()` states it.
+    plate : int | None
+        Of a ``.gcode.3mf``: whose G-code is read; None: the only one's that has any.
+    report : Report
+        Told what is done.
+
+    Returns
+    -------
+    Source
+        The print; what a slicer made of a mesh is kept as long as this is.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be used, or no machine is known for it.
+
+    Examples
+    --------
+    >>> from decmcts import read, sample_path
+    >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
+    >>> source.machine.name, len(source.job.contours)
+    ('mk4s', 964)
+    """
+    with compilation_reported(report) as reporting:
+        return _read(Path(path), machine, limits, mesh, plate, reporting)
+
+
+def _read(
+    path: Path, machine: str | Machine | None, limits: Limits, mesh: Slicing | None,
+    plate: int | None, report: Report,
+) -> Source:  # fmt: skip
     if not path.exists():
         raise InputError("no such file", path=path)
     require_file(path)
@@ -123,10 +169,7 @@ def machine_for(
 ) -> tuple[Machine, str]:
     """Return the machine that is named, else the source's own, and a line on where it is from.
 
-    Raises
-    ------
-    InputError
-        When none is named and the source names no known one either.
+    Raises InputError when none is named and the source names no known one either.
     """
     if isinstance(named, Machine):
         return named, ""

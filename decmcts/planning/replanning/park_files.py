@@ -70,14 +70,8 @@ def park_files(
     """Return the files in the order to run them; none where all heads stand at their parks.
 
     By the `state` heads were seen last; one that was not seen is at its park. `machine` has all
-    heads; those that are `fenced` do not move.
-
-    Raises
-    ------
-    InputError
-        Where some head has no clear path.
-    VerificationError
-        Where the files, read back, do not lead there, or not clear of all else.
+    heads; those that are `fenced` do not move. Raises InputError where some head has no clear path;
+    and VerificationError where the files, read back, do not lead there, or not clear of all else.
     """
     lines = _lines(document, state, machine, fenced)
     begun = taken(document.contours, np.flatnonzero(state.done))
@@ -196,12 +190,8 @@ def routes_to_parks(
     """Return routes in the order in which they keep clear; none of heads that are at their parks.
 
     `standing` has lines on which each head stands somewhere that is to go, (k, 3) mm; those that
-    are `fenced` do not move. All that is printed stands up to `top_mm`.
-
-    Raises
-    ------
-    InputError
-        When some head has no clear route.
+    are `fenced` do not move. All that is printed stands up to `top_mm`. Raises InputError when some
+    head has no clear route.
     """
     places = {name: _boxes(line_of(stands)) for name, stands in fenced.items()}
     places |= {name: _boxes(line) for name, line in standing.items()}

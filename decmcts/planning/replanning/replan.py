@@ -19,7 +19,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.writing.parts import Stretch, with_stretches
 from decmcts.formats.gcode.writing.tools_left import printed_with, with_tool_left
-from decmcts.planning.compiling.child import compilation_reported
+from decmcts.planning.compiling import compilation_reported
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.launch import launched
 from decmcts.planning.options import Cut, Rules, TeamSearch
@@ -30,8 +30,13 @@ from decmcts.planning.problem.planned import require_passed
 from decmcts.planning.problem.print_problem import PrintProblem, parked_above
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.fenced import OPTION, needed, refuse_other_diameters
-from decmcts.planning.replanning.living import living_machine, slowed
+from decmcts.planning.replanning.fenced import (
+    OPTION,
+    living_machine,
+    needed,
+    refuse_other_diameters,
+    slowed,
+)
 from decmcts.planning.replanning.park_files import ParkFile, park_files, park_paths
 from decmcts.planning.replanning.rest import (
     Able,
@@ -129,15 +134,10 @@ def rest_of(
     """Return what is left of a print, for heads that are not `fenced` where they stand.
 
     `slower` heads take so many times as long as planned. `print_with` has tools, and those that
-    print for them where no living head has them (`other_tools`).
-
-    Raises
-    ------
-    InputError
-        For another source, where no head lives, where nothing is left that one can print, and
-        where another tool cannot print for one.
-    VerificationError
-        Where what is written of the rest is not what is left of the print.
+    print for them where no living head has them (`other_tools`). Raises InputError for another
+    source, where no head lives, where nothing is left that one can print, and where another tool
+    cannot print for one, VerificationError where what is written of the rest is not what is
+    left of the print.
     """
     with _named(source.path):
         return _rest_of(
@@ -290,7 +290,6 @@ def _of_tools(
 
 
 def _refuse_altered(source: Source, due: PrintJob, found: PrintJob) -> None:
-    """Raise InputError unless what was read back is what was to be written."""
     same = np.array_equal(due.contours.offsets, found.contours.offsets)
     if same:
         off = np.abs(due.contours.points - found.contours.points).max(initial=0.0)
@@ -323,14 +322,8 @@ def replan(
 ) -> Result:
     """Plan what is left for the heads that live, and have it judged.
 
-    `agents` stands for the heads' processes in a test.
-
-    Raises
-    ------
-    InputError
-        When the rest cannot be planned.
-    VerificationError
-        When the judge refuses the plan; nothing of it is written then.
+    `agents` stands for the heads' processes in a test. Raises InputError when the rest cannot be
+    planned, VerificationError when the judge refuses the plan; nothing of it is written then.
     """
     heads = len(rest.source.machine.heads)
     if writes:
@@ -359,10 +352,7 @@ def _refuse_several_tools(rest: Rest) -> None:
 def rest_problem(rest: Rest, rules: Rules, report: Report = unheard) -> PrintProblem:
     """Return the problem of what is left, beside what is printed and the heads that are fenced.
 
-    Raises
-    ------
-    InputError
-        When the rest cannot be planned.
+    Raises InputError when the rest cannot be planned.
     """
     problem, whole = team_problem(rest.source, rules, report), rest.source.job
     notes = (*problem.job.notes, *rest.lines, HOMES)

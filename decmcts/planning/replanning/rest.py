@@ -143,15 +143,8 @@ def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.b
     """
     apart = rest & ~able
     rows = apart.copy()
-    successors: dict[int, list[int]] = {}
-    for a, b in document.precedence.tolist():
-        successors.setdefault(a, []).append(b)
-    stack = np.flatnonzero(rows).tolist()
-    while stack:
-        for b in successors.get(stack.pop(), ()):
-            if rest[b] and not rows[b]:
-                rows[b] = True
-                stack.append(b)
+    for a, b in sorted(document.precedence.tolist()):  # they go forward, so `a` is known
+        rows[b] |= rows[a] and rest[b]
     return LeftOut(rows, apart)
 
 

@@ -22,9 +22,8 @@ from dataclasses import dataclass
 
 from agents.running.port import ABORTED, SILENT, SILENT_S, STARTS_S, Abort, Finish
 from decmcts.planning.events import Note
-from decmcts.planning.running.options import Failure
 from decmcts.planning.running.renewing import Renewal
-from decmcts.planning.running.team import Team
+from decmcts.planning.running.team import Failure, Team
 from decmcts.print.machine import Point
 from decmcts.print.print_events import EventKind
 

@@ -27,10 +27,9 @@ from decmcts.planning.events import Note, Report, unheard
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.fenced import PARKED, stated_place
 from decmcts.planning.running.failing import FENCED, Failing
-from decmcts.planning.running.options import RunOptions, Show, unseen
 from decmcts.planning.running.recorded import SEEN_MM, Carried, Keep, unkept
 from decmcts.planning.running.renewing import News, NotRenewed, Parking, Renewal, Renewed
-from decmcts.planning.running.team import Team, view_of
+from decmcts.planning.running.team import RunOptions, Show, Team, unseen, view_of
 from decmcts.print.machine import Point
 from decmcts.print.plan import PlanDocument
 from decmcts.print.print_events import EventKind, PrintEvent
@@ -288,13 +287,7 @@ class Asking:
             ))  # fmt: skip
 
     def do(self, words: list[str]) -> None:
-        """Do what a person asks.
-
-        Raises
-        ------
-        InputError
-            If it is nothing that can be done.
-        """
+        """Do what a person asks; raises InputError if it is nothing that can be done."""
         match words:
             case []:
                 return
@@ -355,7 +348,6 @@ class Asking:
         renewal.reason = ""
 
     def _place(self, name: str, text: str) -> Point:
-        """Return a place that a person names for a head."""
         _, place = stated_place(f"{name}={text}", self.team.document.machine)
         assert place is not None  # it is named
         return place

@@ -27,9 +27,8 @@ from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.problem.source import Source
 from decmcts.planning.replanning.park_files import routes_to_parks, top_of
 from decmcts.planning.replanning.replan import replan, rest_of, search_of
-from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.recorded import Carried
-from decmcts.planning.running.team import Team, is_whole
+from decmcts.planning.running.team import RunOptions, Team, is_whole
 from decmcts.print.contours import taken
 from decmcts.print.machine import Machine, Point
 from decmcts.print.metrics import Metrics
@@ -228,11 +227,13 @@ class Renewal:
 
         They failed, or hold a later plan, from which none comes back.
         """
-        later = {
-            k: Reached(carried.count(h)) for k, h in enumerate(carried.heads)
-            if self.held.get(h, (-1, 0))[0] > carried.number
-        }  # fmt: skip
-        return {**later, **self.team.all_stopped(carried)}
+        found = dict[int, Reached]()
+        for k, h in enumerate(carried.heads):
+            if not self.team.goes_on_in(carried, h):
+                found[k] = self.team.stopped(carried, h)
+            elif self.held.get(h, (-1, 0))[0] > carried.number:
+                found[k] = Reached(carried.count(h))
+        return found
 
     def _limit(self, carried: Carried, until: list[int]) -> None:
         """Tell all up to which action each head goes on, and how far others came."""
@@ -300,12 +301,8 @@ def parking_plan(
     """Return a plan by which heads go to their parks one after another; None where none is to go.
 
     Those at their parks have no action; they take up the plan too, so all know that they stand.
-    `machine` has all heads; `standing` are those that are to go, or are at their parks.
-
-    Raises
-    ------
-    InputError
-        When some head has no clear path.
+    `machine` has all heads; `standing` are those that are to go, or are at their parks. Raises
+    InputError when some head has no clear path.
     """
     lines = {name: np.array([at], np.float64) for name, at in standing.items()}
     routes = routes_to_parks(machine, lines, fenced, top_of(document.contours, document.printed))

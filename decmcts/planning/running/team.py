@@ -1,4 +1,4 @@
-"""The heads of a run and the plans they carry out: what is known of both, and how heads are told.
+"""The heads of a run and the plans they carry out: what is known and shown, how heads are told.
 
 Nothing is decided here. What happens when a head fails is `failing`'s, what comes of the rest
 `renewing`'s.
@@ -7,25 +7,98 @@ Nothing is decided here. What happens when a head fails is `failing`'s, what com
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents.running.clock import PrintClock
 from agents.running.heads import HeadProcesses, WitnessProcess
 from agents.running.report import NOTHING, Reached
+from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.events import Note, Report
 from decmcts.planning.replanning.park_files import same_place
-from decmcts.planning.running.options import Failure, HeadView, RunView
+from decmcts.planning.replanning.rest import LeftBeads
 from decmcts.planning.running.recorded import Carried, prints_of
 from decmcts.print.figures import clock_time
 from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind
 from decmcts.print.print_state import PrintState, state_of_heads
+from sim.controllers.motion import QUEUE
+from sim.controllers.timing import Timing
 
+MOST_SPEED = 10_000.0
 WAITING = 1e-6  # pace of the clock until all heads are there
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """Options of a simulated run; errors of time are as `simulate` has them."""
+
+    speed: float = 1.0  # s of the print in one of the world; 1 while heads are planned for anew
+    timing: Timing = Timing.NONE
+    error: float = 0.2
+    seed: int = 0
+    queue: int = QUEUE
+    loss: float = 0.0  # share of messages between agents that is lost
+    delay_s: float = 0.0  # of the print, by which the others are late at most
+    replan_s: float = 5.0  # time limit of the heads' search for what is left
+    left_beads: LeftBeads = LeftBeads.FINISH  # what becomes of a bead that was broken off
+    print_with: tuple[tuple[int, int], ...] = ()  # tools, and those that print for them once no
+    # living head has them
+
+    def __post_init__(self) -> None:
+        for name, value, least, most in (
+            ("speed", self.speed, 0.01, MOST_SPEED), ("loss", self.loss, 0.0, 0.9),
+            ("delay", self.delay_s, 0.0, 60.0), ("replan time", self.replan_s, 0.0, 86_400.0),
+        ):  # fmt: skip
+            if not least <= value <= most:
+                raise InputError(f"{name} is {value:g}, must be from {least:g} to {most:g}")
+
+
+RUN_OPTIONS = RunOptions()
+
+
+@dataclass(slots=True)
+class Failure:
+    """A head that failed, and when what followed; seconds of the print."""
+
+    head: str
+    why: str
+    at_s: float  # its last word
+    noticed_s: float
+    fenced_s: float = float("nan")  # it is sure that it does nothing any more
+    at: Point | None = None  # where it stands then
+    planned_s: float = float("nan")  # the rest is planned
+    on_s: float = float("nan")  # a head begins an action of it
+    stood_s: float = float("nan")  # no head did anything, from when all that needs no plan was done
+
+
+@dataclass(frozen=True, slots=True)
+class HeadView:
+    """What is shown of one head while it prints."""
+
+    name: str
+    does: str
+    share: float  # of its actions in the plan it carries out
+    waits_for: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RunView:
+    """What is shown of a run."""
+
+    time_s: float
+    planned_s: float  # of the plan that is carried out, its begin counted in
+    heads: tuple[HeadView, ...]
+
+
+Show = Callable[[RunView], None]
+
+
+def unseen(view: RunView) -> None:
+    """Show nothing."""
 
 
 @dataclass(slots=True)
@@ -148,14 +221,6 @@ class Team:
         if self.heads[h].number > carried.number:
             return Reached(carried.count(h))
         return carried.reached.get(h, NOTHING)
-
-    def all_stopped(self, carried: Carried) -> dict[int, Reached]:
-        """Return how far those heads of a plan came that do no more of it, by place in it."""
-        return {
-            k: self.stopped(carried, h)
-            for k, h in enumerate(carried.heads)
-            if not self.goes_on_in(carried, h)
-        }
 
     def send_fenced(self, carried: Carried, gone: int) -> None:
         """Tell all that a head does no more of a plan, and how far it came."""

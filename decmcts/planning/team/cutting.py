@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +14,12 @@ from decmcts.feasibility.graph import EdgeKind
 from decmcts.feasibility.rules import contacts_between
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.writing.parts import cut_document, has_stiff_arc
-from decmcts.planning.compiling.parts import TEAM, is_compiled
+from decmcts.planning.compiling import TEAM, is_compiled
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import STAGGER_MM, Cut, Freedom
 from decmcts.planning.problem.print_problem import PrintProblem, order_graph
 from decmcts.print.cut import CutLines, Grid, cut_job
 from decmcts.print.kinematics import line_up
-from decmcts.print.machine import Machine
 from decmcts.print.motion import level_travel, retraction_time, segment_times, travel_feed
 from decmcts.print.walls_kernels import Walls
 from decmcts.team.cutting.layout import (
@@ -62,10 +62,20 @@ class Swept:
     """A print, cut or not, with an order in which its heads sweep it."""
 
     problem: PrintProblem
-    order: StatedOrder
-    makespan_s: float  # estimate
     team: TeamProblem  # the print as heads plan it
-    run: NDArray[np.int64]  # (n,) of each turn: what one head prints of one strip has one number
+    spread: Cuttable
+    layout: Layout
+    sweep: Sweep
+    layer_s: NDArray[np.float64]  # (layers,) how long heads take for each
+    makespan_s: float  # estimate
+
+    @property
+    def order(self) -> StatedOrder:
+        """The order of the sweep."""
+        return self.sweep.stated
+
+
+_makespan = attrgetter("makespan_s")
 
 
 def best_sweep(
@@ -93,9 +103,8 @@ def best_sweep(
         may &= ~kept
     if may.any():
         may &= ~_kept_whole(problem)
-    if not may.any():
-        return _better(problem, whole, None)
-    return _better(problem, whole, _swept(problem, seconds, may, cut, stagger_mm))
+    pieces = _swept(problem, seconds, may, cut, stagger_mm) if may.any() else None
+    return _better(problem, whole, pieces)
 
 
 def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) -> Swept | None:
@@ -110,7 +119,7 @@ def _better(problem: PrintProblem, whole: Swept | None, pieces: Swept | None) ->
         whole = _with_less_travel(whole)
     if pieces is None or pieces.problem.whole is None:
         found = [each for each in (whole, pieces) if each is not None]
-        return min(found, key=lambda each: each.makespan_s, default=None)
+        return min(found, key=_makespan, default=None)
     if whole is None:
         team = build_team_problem(problem.job, problem.machine, problem.graph)
         uncut = first_policies_s(team, EFFORT)
@@ -142,7 +151,7 @@ def _swept(
     if not tried:
         return None
     if may.any():
-        spread = min(tried, key=_end_of).spread
+        spread = min(tried, key=_makespan).spread
         for price, nearer_mm in OTHERS:
             if _enough(tried):
                 break
@@ -153,38 +162,19 @@ def _swept(
         layout = layer_by_layer([each.layout for each in tried], choice)
         chosen = depth_by_layer(contours, [each.spread for each in tried], choice)
         tried += _try(problem, cut, chosen, layout)
-    best = min(tried, key=_end_of)
-    return Swept(best.problem, best.sweep.stated, best.end_s, best.team, best.sweep.run)
+    return min(tried, key=_makespan)
 
 
 def _with_less_travel(swept: Swept) -> Swept:
     """Return the sweep with what a head prints in one go in an order of less travel."""
-    less = with_less_travel(swept.team, swept.order, swept.run)
+    less = with_less_travel(swept.team, swept.order, swept.sweep.run)
     times = times_of(swept.team, less)
     if times is None or times[1] >= swept.makespan_s:
         return swept
-    return replace(swept, order=less, makespan_s=times[1])
+    return replace(swept, sweep=replace(swept.sweep, stated=less), makespan_s=times[1])
 
 
-@dataclass(frozen=True, slots=True)
-class Tried:
-    """A sweep that was tried."""
-
-    problem: PrintProblem
-    team: TeamProblem
-    spread: Cuttable
-    layout: Layout
-    sweep: Sweep
-    layer_s: NDArray[np.float64]  # (layers,) how long heads take for each
-    end_s: float
-
-
-def _end_of(tried: Tried) -> float:
-    """Return when heads end, s."""
-    return tried.end_s
-
-
-def _enough(tried: list[Tried]) -> bool:
+def _enough(tried: list[Swept]) -> bool:
     """Whether another sweep like the last would make more than `MOST_TRIED` pieces of all."""
     pieces = [len(each.team.job.contours) for each in tried]
     return sum(pieces) + pieces[-1] > MOST_TRIED
@@ -192,27 +182,28 @@ def _enough(tried: list[Tried]) -> bool:
 
 def _layout(problem: PrintProblem, spread: Cuttable, nearer_mm: float = 0.0) -> Layout:
     """Return the layout in which heads come so much nearer than they surely may."""
-    axis, row = line_up(problem.machine)
-    apart = _apart_mm(problem.machine, axis, row) - nearer_mm
-    return layout_of(spread, axis=axis, heads=len(problem.machine.heads), apart_mm=apart)
+    machine, (axis, row) = problem.machine, line_up(problem.machine)
+    pairs = pairwise(row)
+    clear = max(float(relation_of(machine, r, s)[:, 2 * axis + 1].max()) for r, s in pairs)
+    return layout_of(spread, axis=axis, heads=len(machine.heads), apart_mm=clear - nearer_mm)
 
 
 def _tried_deeper(
     problem: PrintProblem, cut: Cut, spread: Cuttable, whole_s: NDArray[np.float64]
-) -> list[Tried]:
+) -> list[Swept]:
     """Return the sweeps tried first; `whole_s` is what each contour takes, (n,).
 
     Where much is printed later than its strip, as it touches what a later strip prints, it is cut
     still earlier in the sweep, and the sweep made anew.
     """
-    tried, heads = list[Tried](), len(problem.machine.heads)
+    tried, heads = list[Swept](), len(problem.machine.heads)
     for _ in range(ROUNDS):
         made = _try(problem, cut, spread, _layout(problem, spread))
         tried += made
         if not made or _enough(tried):
             break
         late = made[0].sweep.late & spread.may
-        if whole_s[late].sum() * heads < LATE * min(map(_end_of, tried)):
+        if whole_s[late].sum() * heads < LATE * min(each.makespan_s for each in tried):
             break
         before, spread = spread, deeper(spread, problem.job.contours, late)
         if np.array_equal(before.depth, spread.depth):
@@ -220,7 +211,7 @@ def _tried_deeper(
     return tried
 
 
-def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> list[Tried]:
+def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> list[Swept]:
     """Return the sweep of a layout; none if the heads cannot carry it out."""
     contours = problem.job.contours
     places = places_of(contours, layout, spread)
@@ -231,7 +222,7 @@ def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> l
     team = build_team_problem(parted.job, problem.machine, parted.graph)
     sweep = sweep_order(team, layout, places, spread)
     times = times_of(team, sweep.stated)
-    return [] if times is None else [Tried(parted, team, spread, layout, sweep, *times)]
+    return [] if times is None else [Swept(parted, team, spread, layout, sweep, *times)]
 
 
 def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
@@ -252,12 +243,6 @@ def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
     return np.asarray(kept)
 
 
-def _apart_mm(machine: Machine, axis: int, row: tuple[int, ...]) -> float:
-    """Return how far two neighbours of a row must be apart along the axis to be clear."""
-    pairs = pairwise(row)
-    return max(float(relation_of(machine, r, s)[:, 2 * axis + 1].max()) for r, s in pairs)
-
-
 def _hops(problem: PrintProblem) -> Hops:
     """Return what a travel from one piece to the next costs."""
     settings, limits = problem.job.settings, problem.machine.limits
@@ -267,7 +252,6 @@ def _hops(problem: PrintProblem) -> Hops:
 
 
 def _cut(problem: PrintProblem, lines: CutLines, walls: Walls, cut: Cut) -> PrintProblem:
-    """Return the problem with its contours cut."""
     job, document, machine, rules = problem.job, problem.document, problem.machine, problem.rules
     longest = min(each.retract_min_travel_mm for each in job.settings.each())
     digits_xy, digits_e, _ = document.decimals

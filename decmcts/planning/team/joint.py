@@ -1,4 +1,4 @@
-"""From the joint order that agents agreed on to the exact plan that is written.
+"""What became of the agents, and from the joint order they agreed on to the exact plan.
 
 A plan in which one head prints alone is always made too, and taken if it is faster: heads
 that wait for each other may be slower.
@@ -7,6 +7,7 @@ that wait for each other may be slower.
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -16,17 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
+from agents.launching.status import AgentStatus
+from agents.networks.transport import DISTURBS
 from decmcts.errors import InputError
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.planned import Planned, document_of
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.planning.team.beside import begun
 from decmcts.planning.team.cutting import GAIN
-from decmcts.planning.team.outcome import Outcome
+from decmcts.planning.worker import begun
 from decmcts.print.cut import late_contours
 from decmcts.print.lags_kernels import Lags
-from decmcts.print.metrics import Metrics
+from decmcts.print.metrics import Metrics, TeamMetrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound, makespan_bound
@@ -40,6 +42,110 @@ from decmcts.team.schedule.entries import (
     with_entries,
 )
 from decmcts.team.schedule.joint_plan import schedule
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a launch of agents came to."""
+
+    result: LaunchResult | None  # None: they came to no plan
+    agents: tuple[AgentStatus, ...]  # as they were seen last
+    failed: str = ""  # why they came to none
+    decided: tuple[tuple[float, ...], ...] = ()  # see `Deciding`
+
+    @property
+    def lost(self) -> dict[str, str]:
+        """The heads that the plan does without, each with the reason."""
+        live = () if self.result is None else self.result.agreement.live
+        gone = (a for a in self.agents if a.phase == "lost" and a.head not in live)
+        return {agent.name: agent.note for agent in gone}
+
+    @property
+    def disturbed(self) -> dict[str, int]:
+        """What was dropped that no agent says: how many messages by reason."""
+        dropped: Counter[str] = Counter()
+        for agent in self.agents:
+            dropped.update({k: n for k, n in agent.dropped.items() if k.startswith(DISTURBS)})
+        return dict(sorted(dropped.items()))
+
+    @property
+    def found_by(self) -> str | None:
+        """The head whose agent was the first to know a plan as good as the best of all."""
+        known = [(cost, s, a.name) for a in self.agents for s, cost in a.history]
+        return min(known)[2] if known and not self.failed else None
+
+    def metrics(self) -> Metrics:
+        """Return what a plan states of its agents."""
+        return {
+            "agents": [_traffic(agent) for agent in self.agents],
+            "decided": self.decided,
+            "found_by": self.found_by,
+            "team": {
+                "agreed": not self.failed,
+                "failed": self.failed or None,
+                "lost": self.lost,
+                "again": {a.name: a.again for a in self.agents if a.again},
+                "disturbed": self.disturbed,
+            },
+        }
+
+
+class Deciding:
+    """How heads' distributions over plans sharpen: rows of seconds and each head's entropy.
+
+    An entropy is 1 where all plans are alike, and 0 where one is chosen. At most `MOST` rows are
+    kept, evenly spread.
+    """
+
+    MOST = 128
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[float, ...]] = []
+        self._least_s = 0.0  # between two rows
+
+    def take(self, agents: tuple[AgentStatus, ...]) -> None:
+        """Keep what the agents state, if enough time has passed."""
+        seconds = max((agent.elapsed_s for agent in agents), default=0.0)
+        if not seconds or (self._rows and seconds < self._rows[-1][0] + self._least_s):
+            return
+        self._rows.append((round(seconds, 3), *(round(a.entropy, 4) for a in agents)))
+        if len(self._rows) > self.MOST:
+            self._rows = self._rows[::2]
+            self._least_s = 2.0 * max(self._least_s, seconds / self.MOST)
+
+    @property
+    def rows(self) -> tuple[tuple[float, ...], ...]:
+        """What was kept."""
+        return tuple(self._rows)
+
+
+def lines_of(team: TeamMetrics) -> list[str]:
+    """Return a line for whatever a user should know of the agents, from a plan's metrics."""
+    lines = [f"{team['failed']}; one head prints alone"] if team["failed"] else []
+    if not team["failed"]:
+        lost = team["lost"].items()
+        lines += [f"head {name} was lost ({why}); the plan does without it" for name, why in lost]
+    for name, why in team["again"].items():
+        if team["failed"] or name not in team["lost"]:
+            lines.append(f"the agent of head {name} was started again ({why})")
+    if counts := team["disturbed"]:
+        what = ", ".join(f"{n} × {reason}" for reason, n in counts.items())
+        lines.append(f"somebody disturbed the agents; dropped and not heard: {what}")
+    return lines
+
+
+def _traffic(agent: AgentStatus) -> dict[str, object]:
+    return {
+        "head": agent.name,
+        "rounds": agent.rounds,
+        "sent": sum(agent.sent.values()),
+        "sent_bytes": sum(agent.sent_bytes.values()),
+        "received": sum(agent.received.values()),
+        "received_bytes": sum(agent.received_bytes.values()),
+        "dropped": sum(agent.dropped.values()),
+        "agreeing_s": agent.agreeing_s,
+    }
+
 
 BOUND_WAIT_S = 10.0  # at most, once all else is done
 
@@ -114,7 +220,7 @@ def best_of(
     Also which print it is of: one head alone prints its contours whole. So it does where cuts gain
     next to nothing.
     """
-    problem, result = ready.problem, outcome.result
+    problem, orders, result = ready.problem, ready.orders, outcome.result
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
     whole = ready.whole or ready
@@ -126,7 +232,9 @@ def best_of(
     alone = yardstick.result()
     extra: Metrics = {
         "planner": search.name,
-        **_freedom_metrics(ready.orders),
+        "freedom": orders.freedom,
+        **({"seam": orders.seam} if orders.freedom == "seam" else {}),
+        "objective": orders.objective,
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,
         "parameters": dict(search.parameters),
@@ -186,11 +294,3 @@ def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan |
                 raise
             report(Note(f"other entries of loops: {error.what}"))
     return min(plans, key=lambda plan: plan.makespan_s, default=None)
-
-
-def _freedom_metrics(orders: OrderChoices) -> Metrics:
-    """Return what a plan's metrics say of its freedom and objective."""
-    stated: Metrics = {"freedom": orders.freedom}
-    if orders.freedom == "seam":
-        stated["seam"] = orders.seam
-    return {**stated, "objective": orders.objective}

@@ -20,27 +20,32 @@ from agents.launch import launch as launch_agents
 from agents.launching.status import AgentStatus, LaunchError
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
-from decmcts.planning.compiling.child import finish_beside
-from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.compiling import TEAM, finish_beside
 from decmcts.planning.events import Begun, Heads, Note, Report, Sound, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import search_alone
 from decmcts.planning.options import Cut, Objective, PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
-from decmcts.planning.team.beside import begun
 from decmcts.planning.team.cutting import Swept, best_sweep
-from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_bound
-from decmcts.planning.team.judged import judge_beside, judged
-from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
+from decmcts.planning.team.joint import (
+    Deciding,
+    Outcome,
+    Prepared,
+    best_of,
+    lines_of,
+    sweep_plan,
+    with_bound,
+)
+from decmcts.planning.worker import begun
+from decmcts.planning.writing.heads import judge_beside, judged
 from decmcts.print.cut import late_contours
 from decmcts.print.lags_kernels import Lags, no_lags
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.metrics import IdleMetrics, Metrics
-from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.print.seam import SeamEntries
 from decmcts.print.stands import practice_of, primed_before, stands_of
-from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.space import able_heads
@@ -73,15 +78,10 @@ def plan_team(
 ) -> Planned:
     """Let the agents plan and agree, schedule, verify.
 
-    With `writes` a print whose files could not be written is refused before the search, a
-    note says what of its start code the heads' files leave out, and the plan comes with them.
-
-    Raises
-    ------
-    InputError
-        When the source's own order has faults, or no head reaches some contour.
-    VerificationError
-        When the judge refuses the plan.
+    With `writes` a print whose files could not be written is refused before the search, a note says
+    what of its start code the heads' files leave out, and the plan comes with them. Raises
+    InputError when the source's own order has faults, or no head reaches some contour,
+    VerificationError when the judge refuses the plan.
     """
     whole = prepared(problem, search, writes=writes, report=report, stop=stop)
     ready = swept(whole, search, report)
@@ -113,7 +113,9 @@ def prepared(
     bound = _bound(problem, entries)
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
-    alone = begun(partial(_lone_order, problem, search, before, stop))  # beside the judge
+    limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
+    local = Search(limit_s, search.seed, PlannerName.LOCAL, Objective.TIME)
+    alone = begun(partial(search_alone, problem, local, before, stop=stop))  # beside the judge
     if writes:
         refuse_for_heads(problem.document, problem.job, problem.machine)
         if (note := unprimed_note(problem.document)) is not None:
@@ -206,15 +208,6 @@ def _bound(problem: PrintProblem, entries: SeamEntries | None) -> Future[Bound]:
     return begun(bounded, yielding=True)
 
 
-def _lone_order(
-    problem: PrintProblem, search: TeamSearch, before: PlanDocument, stop: Stop
-) -> tuple[Lags, Toolpath, JointPlan]:
-    """Return the lags that cooling demands, an order in which one head ends soon, and its plan."""
-    limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
-    local = Search(limit_s, search.seed, PlannerName.LOCAL, Objective.TIME)
-    return search_alone(problem, local, before, stop=stop)
-
-
 def lags_of(problem: PrintProblem, before: PlanDocument) -> Lags:
     """Return the lags that cooling demands, by the source's own times."""
     times = print_times(before.plan.heads[0], len(problem.job.contours))
@@ -280,7 +273,7 @@ def with_idling(planned: Planned) -> Planned:
         "waits": int(waits), "waits_s": seconds, "pulled": int(pulled), "primed": int(primed)
     }  # fmt: skip
     if planned.head_files:
-        idle["cooled"] = sum(map(_cooled, planned.head_files))
+        idle["cooled"] = sum(len(_COOLS.findall(text)) for text in planned.head_files)
     metrics: Metrics = {**planned.after.metrics, "idle": idle}
     return replace(planned, after=replace(planned.after, metrics=metrics))
 
@@ -297,8 +290,3 @@ def _counts(planned: Planned, actions: HeadActions, h: int) -> tuple[float, floa
     primed = primed_before(actions, idle.after_s).sum() if practice.prime_mm else 0
     seconds = sum(stand.seconds for stand in stands.values())
     return len(stands), seconds, len(stands) * further, int(primed)
-
-
-def _cooled(text: bytes) -> int:
-    """Return how often a file cools its hot end to standby."""
-    return sum(1 for _ in _COOLS.finditer(text))

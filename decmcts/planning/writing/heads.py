@@ -1,25 +1,36 @@
-"""The G-code of several heads, a file each, judged together before any of them is written."""
+"""The G-code of several heads, a file each, judged together before any of them is written.
+
+Of large prints two things are judged at once: a worker judges the plan and then files of heads,
+from the smallest on; this process writes and judges files from the largest on.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import draft_folder, write_all
 from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
 from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
+from decmcts.planning.compiling import PRINT, TEAM, is_compiled
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.own_tools import for_the_judge
-from decmcts.planning.problem.planned import Planned
-from decmcts.planning.problem.source import Source
+from decmcts.planning.problem.planned import Planned, require_passed
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.worker import Worker, begun, worker
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, require_sound
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import JointPlan
+from decmcts.print.plan import JointPlan, PlanDocument
 from sim.content.pieces import parted_source
 from sim.content.same_print import is_other_print
 from sim.faults import Verdict
@@ -27,15 +38,17 @@ from sim.heads.file import read_head_file
 from sim.heads.one_file import Walked, walk_file
 from sim.heads.plan import plan_of_files
 from sim.heads.together import judge_together, unreadable, verify_heads
+from sim.verify import verify_plan
+
+BESIDE_FROM = 5_000  # contours; fewer are judged sooner than another process has loaded
+FILES = Path("the G-code of all heads")  # as messages call it
+Check = Callable[..., Any]  # a piece of work; takes a keyword `report`
 
 
 def stem_of(output: Path) -> Path:
     """Return what the names of the heads' files begin with: the output, without `.gcode`.
 
-    Raises
-    ------
-    InputError
-        For standard output, for folders, and for what G-code is packed in.
+    Raises InputError for standard output, for folders, and for what G-code is packed in.
     """
     if output == STDOUT:
         raise InputError(
@@ -61,28 +74,18 @@ def _head_file(stem: Path, head: str) -> Path:
     return stem.with_name(f"{stem.name}_{head}.gcode")
 
 
-HeadWriter = Callable[..., None]
-"""Writes the file of one head of a plan; `write_head_gcode`, or in a test one that fails."""
-
-
 def write_heads(
     planned: Planned,
     stem: Path,
     *,
-    write: HeadWriter = write_head_gcode,
+    write: Callable[..., None] = write_head_gcode,
     report: Report = unheard,
 ) -> list[Path]:
     """`write` one G-code file per head, `STEM_HEAD.gcode`, all or none; returns the paths.
 
-    Those that were written with the plan are put in place. Else the report is told what is
-    written, read back and judged.
-
-    Raises
-    ------
-    VerificationError
-        When the files, read back, are not the verified plan; then none is written.
-    InputError
-        When one of them cannot be written; then none is.
+    Those that were written with the plan are put in place. Else the report is told what is written,
+    read back and judged. Raises VerificationError when the files, read back, are not the verified
+    plan, InputError when one of them cannot be written; then none is.
     """
     paths = [_head_file(stem, actions.head) for actions in planned.after.plan.heads]
     texts = planned.head_files
@@ -99,12 +102,11 @@ def write_heads(
 
 def drafting(
     planned: Planned, drafts: Sequence[Path], *, judged: tuple[PrintJob, GcodeDocument],
-    write: HeadWriter = write_head_gcode,
+    write: Callable[..., None] = write_head_gcode,
 ) -> list[tuple[str, Callable[..., Walked]]]:  # fmt: skip
     """Return the work of writing each head's draft and walking it along the plan, with its name.
 
-    `judged` is the source as the judge takes it.
-    It can be done in another process.
+    `judged` is the source as the judge takes it. It can be done in another process.
     """
     problem, plan, machine = planned.problem, planned.after.plan, planned.problem.machine
     apart_s = machine.signal_interval_s if machine.release == "point" else 0.0
@@ -132,7 +134,7 @@ def judged_by(
 def _draft(
     document: GcodeDocument, job: PrintJob, plan: JointPlan, machine: Machine,
     header: Sequence[str], points: SyncPoints, head: int, path: Path, *,
-    judged: tuple[PrintJob, GcodeDocument], write: HeadWriter, report: Report,
+    judged: tuple[PrintJob, GcodeDocument], write: Callable[..., None], report: Report,
 ) -> Walked:  # fmt: skip
     """Write the draft of one head's file, read it back and walk it along the plan."""
     report(Step(f"writing {path.name}"))
@@ -153,10 +155,7 @@ def judged_texts(
 ) -> tuple[bytes, ...]:  # fmt: skip
     """Return the text of drafts that do together what the plan says.
 
-    Raises
-    ------
-    VerificationError
-        When they do not; it names the `stem`.
+    Raises VerificationError when they do not; it names the `stem`.
     """
     problem, machine = planned.problem, planned.problem.machine
     report(Step("what the files' sync points order"))
@@ -164,15 +163,83 @@ def judged_texts(
     require_sound(verdict, stem)
     if (given := problem.source.original) is not None:
         report(Step("judging the files by what was given"))
-        require_sound(_by_given(drafts, given, machine), stem)
+        files = [read_head_file(draft, machine.words) for draft in drafts]
+        plan, altered = plan_of_files(files, given.job, machine)
+        if not is_other_print(altered):
+            verdict = verify_heads(machine, drafts, plan.plan, given.job, given.document, read=True)
+            altered = [*altered, *verdict.faults]
+        require_sound(Verdict(tuple(altered)), stem)
     return tuple(draft.read_bytes() for draft in drafts)
 
 
-def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdict:
-    """Judge files of a print that was made safe by the source that was given, in its numbers."""
-    files = [read_head_file(draft, machine.words) for draft in drafts]
-    plan, altered = plan_of_files(files, given.job, machine)
-    if is_other_print(altered):
-        return Verdict(tuple(altered))
-    verdict = verify_heads(machine, drafts, plan.plan, given.job, given.document, read=True)
-    return Verdict((*altered, *verdict.faults))
+@contextmanager
+def judge_beside(problem: PrintProblem, *, writes: bool) -> Iterator[Worker | None]:
+    """Start a worker that judges beside this process; None where that is not worth it.
+
+    It is not where kernels are still being compiled: each process would compile them.
+    """
+    large = len(problem.job.contours) >= BESIDE_FROM
+    if not (writes and large and is_compiled(TEAM) and is_compiled(PRINT)):
+        yield None
+        return
+    with worker(__name__) as beside:
+        yield beside
+
+
+def judged(planned: Planned, beside: Worker | None, *, writes: bool, report: Report) -> Planned:
+    """Return a plan that passed the judge; with `writes` its heads' files too, with their text.
+
+    Raises VerificationError when the judge refuses the plan, or a file.
+    """
+    started, problem, after = time.perf_counter(), planned.problem, planned.after
+    with draft_folder() as folder:
+        heads = after.plan.heads if writes else ()
+        drafts = [folder / f"{actions.head}.gcode" for actions in heads]
+        by_size = sorted(range(len(heads)), key=lambda h: (len(heads[h].path), -h))
+        given = for_the_judge(problem)
+        judge = judged_by(planned, given) if writes else given
+        writing = drafting(planned, drafts, judged=judge) if writes else []
+        verifying = ("verifying", partial(_verified, after, given[0]))
+        verdict, *walked = shared_out(
+            [verifying, *(writing[h] for h in by_size)], beside, report
+        )  # fmt: skip
+        require_passed(verdict)
+        took = {**planned.seconds, "verify": time.perf_counter() - started}
+        texts: tuple[bytes, ...] = ()
+        if writes:
+            in_order = [walked[by_size.index(h)] for h in range(len(heads))]
+            texts = judged_texts(planned, drafts, in_order, FILES, report, judged=judge)
+    return replace(planned, verdict=verdict, seconds=took, head_files=texts)
+
+
+def _verified(after: PlanDocument, job: PrintJob, *, report: Report) -> Verdict:
+    report(Step("verifying"))
+    return verify_plan(after, source=job)
+
+
+def shared_out(
+    works: Sequence[tuple[str, Check]], beside: Worker | None, report: Report
+) -> list[Any]:  # fmt: skip
+    """Do named pieces of work, `beside` from the first on and here from the last; return all.
+
+    Whichever process is free takes the next. All is done here, in turn, where there is no other.
+    """
+    if beside is None:
+        return [work(report=report) for _, work in works]
+    left, found = deque(range(len(works))), dict[int, Any]()
+
+    def elsewhere(process: Worker) -> None:
+        with suppress(IndexError):
+            while True:
+                k = left.popleft()
+                found[k] = process.call(partial(works[k][1], report=unheard)).result()
+
+    other = begun(partial(elsewhere, beside))
+    with suppress(IndexError):
+        while True:
+            k = left.pop()
+            found[k] = works[k][1](report=report)
+    if missing := set(range(len(works))) - found.keys():
+        report(Step(f"{works[min(missing)][0]}, in a process beside"))
+    other.result()
+    return [found[k] for k in range(len(works))]

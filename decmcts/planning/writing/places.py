@@ -95,13 +95,8 @@ def name_of(path: Path) -> str:
 def put(content: bytes, path: Path, *, packed: bool = False) -> None:
     """Write a result to its file, whole or not at all, or to standard output (`-`).
 
-    Text becomes gzipped or binary G-code as the name's suffix says, unless it is `packed`
-    already.
-
-    Raises
-    ------
-    InputError
-        When it cannot be written.
+    Text becomes gzipped or binary G-code as the name's suffix says, unless it is `packed` already.
+    Raises InputError when it cannot be written.
     """
     if path != STDOUT:
         if packed:

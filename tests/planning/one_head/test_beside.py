@@ -16,7 +16,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.planning.events import Begun, Sound, Step, unheard
 from decmcts.planning.one_head import pipeline
-from decmcts.planning.one_head.beside import STILL, searched_beside
+from decmcts.planning.one_head.order_search import STILL, searched_beside
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import NO_QUALITY, Search
 from decmcts.planning.problem.first_check import refuse_unsound, refuse_unwritable

@@ -25,7 +25,7 @@ from decmcts.planning.problem.slicing import (
     usable,
     why,
 )
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import read
 from decmcts.print.contours import Role
 from decmcts.samples import sample_path
 

@@ -16,7 +16,7 @@ from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import problem_of
-from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.problem.source import Source, read
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.machine import Fenced, Machine, Stands
@@ -41,9 +41,7 @@ class Made(NamedTuple):
 def read_made(path: Path) -> Source:
     """Read G-code for two heads, under the limits of the machine."""
     machine = load_machine("dual-gantry")
-    return read_source(
-        path, machine, limits=Limits.MACHINE, report=unheard
-    )  # fmt: skip
+    return read(path, machine, limits=Limits.MACHINE, report=unheard)
 
 
 @pytest.fixture(scope="session")

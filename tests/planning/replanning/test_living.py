@@ -11,8 +11,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan, write_plan
-from decmcts.planning.replanning.fenced import fenced_places, late_heads
-from decmcts.planning.replanning.living import living_machine
+from decmcts.planning.replanning.fenced import fenced_places, late_heads, living_machine
 from decmcts.print.machine import Fenced, line_of
 from decmcts.print.plan import JointPlan
 from decmcts.print.print_state import HeadState, PrintState, state_of_events

@@ -17,7 +17,7 @@ from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.made_from import rules_of
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.planned import document_of
-from decmcts.planning.problem.source import Source, read_source
+from decmcts.planning.problem.source import Source, read
 from decmcts.planning.replanning.fenced import (
     needed,
     other_tools,
@@ -48,10 +48,12 @@ class Made(NamedTuple):
 
 def made_of(path: Path, folder: Path, tools: tuple[int, int] = (0, 1)) -> Made:
     """Plan a print of two tools by hand: each by its head, in the order it is sliced in."""
-    source = read_source(
-        path, machine_file(folder, *tools), limits=Limits.MACHINE,
+    source = read(
+        path,
+        machine_file(folder, *tools),
+        limits=Limits.MACHINE,
         report=unheard,
-    )  # fmt: skip
+    )
     problem = team_problem(source, Rules(), unheard)
     tool = problem.job.contours.tool
     paths = [
@@ -138,10 +140,12 @@ def test_a_cut_print_of_several_tools_is_replanned(
     """It was taken for another print, as changes of tools are walls in its source."""
     source = Path(two_bars(tmp_path))
     result, _, _ = launched(str(source), tmp_path, agents, cut=Cut.ALL)
-    found = read_source(
-        source, result.document.machine, limits=Limits.MACHINE,
+    found = read(
+        source,
+        result.document.machine,
+        limits=Limits.MACHINE,
         report=unheard,
-    )  # fmt: skip
+    )
     assert result.document.contours.of is not None
     made = Made(result.document, found, source)
     rest = rest_without(made, "left", {0: 1}, layers=2)

@@ -12,7 +12,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.planning.problem.source import Source
-from decmcts.planning.replanning.living import living_machine
+from decmcts.planning.replanning.fenced import living_machine
 from decmcts.planning.replanning.park_files import ParkFile, park_files, park_paths
 from decmcts.print.machine import Body, Machine, Point
 from decmcts.print.plan import PlanDocument

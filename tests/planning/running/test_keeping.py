@@ -11,8 +11,8 @@ from agents.messages.event_stream import read_events
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Event, Note, unheard
-from decmcts.planning.running.keeping import Keeping, refuse_earlier
 from decmcts.planning.running.recorded import Carried
+from decmcts.planning.running.run import Keeping, refuse_earlier
 from decmcts.print.print_state import state_of_events
 from tests.planning.replanning.conftest import Made, log_until
 

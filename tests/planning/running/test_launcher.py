@@ -18,11 +18,10 @@ from decmcts.errors import InputError
 from decmcts.planning.events import Event, Note
 from decmcts.planning.running import failing, launcher, renewing
 from decmcts.planning.running.launcher import Launcher
-from decmcts.planning.running.options import RunOptions
 from decmcts.planning.running.recorded import nearest
 from decmcts.planning.running.renewing import Begin, NotRenewed, Parking, Renewed, parking_plan
 from decmcts.planning.running.run import RunResult
-from decmcts.planning.running.team import Team
+from decmcts.planning.running.team import RunOptions, Team
 from decmcts.print.machine import Point
 from decmcts.print.plan import ActionKind
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent

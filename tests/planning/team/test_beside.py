@@ -11,7 +11,7 @@ import pytest
 
 from decmcts.jit.kernel import Kernel, reported_to
 from decmcts.jit.store import Store
-from decmcts.planning.team.beside import YIELDING, begun
+from decmcts.planning.worker import YIELDING, begun
 
 
 def priority() -> int:

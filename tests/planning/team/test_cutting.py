@@ -21,7 +21,7 @@ from decmcts.planning.events import Event, Note, unheard
 from decmcts.planning.options import Cut, Freedom, Rules, TeamSearch
 from decmcts.planning.problem.planned import before_by_pieces
 from decmcts.planning.problem.print_problem import load, problem_of
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import read
 from decmcts.planning.result import Result
 from decmcts.planning.team import cutting, joint
 from decmcts.planning.team.cutting import best_sweep

@@ -13,9 +13,9 @@ import pytest
 from decmcts.planning.events import Event, Step, unheard
 from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.print_problem import load
-from decmcts.planning.team.judged import judged, shared_out
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.planning.worker import Worker, worker
+from decmcts.planning.writing.heads import judged, shared_out
 from tests.makers.agents import Agents
 from tests.prints import four_parts
 

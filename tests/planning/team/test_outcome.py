@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 from agents.launching.status import AgentStatus
-from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
+from decmcts.planning.team.joint import Deciding, Outcome, lines_of
 
 
 def said(outcome: Outcome) -> tuple[Any, list[str]]:

@@ -19,7 +19,7 @@ from decmcts.planning.events import Begun, Event, Heads, Note, Sound, unheard
 from decmcts.planning.one_head import pipeline as one_head
 from decmcts.planning.options import Freedom, Limits, Objective, Rules, Seam, TeamSearch
 from decmcts.planning.problem.print_problem import load, problem_of
-from decmcts.planning.read import read
+from decmcts.planning.problem.source import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.joint import Prepared, plan_alone
 from decmcts.planning.team.pipeline import Launch, plan_team, prepared

@@ -14,7 +14,7 @@ from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.formats.gcode.writing.hot_ends import HotEndTarget
 from decmcts.planning.options import Limits, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
-from decmcts.planning.problem.source import read_source
+from decmcts.planning.problem.source import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from sim.heads.idle import _UNSEEN
@@ -61,7 +61,7 @@ def launched(
         assert before in text
         text = text.replace(before, after, 1)
     machine.write_text(text)
-    given = read_source(
+    given = read(
         Path(source), str(machine), limits=Limits.SOURCE,
         report=lambda event: None,
     )  # fmt: skip

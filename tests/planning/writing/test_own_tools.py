@@ -17,7 +17,7 @@ from decmcts.formats.gcode.writing.own_tools import Freed, with_own_tools
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.options import RULES, Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
-from decmcts.planning.problem.source import read_source
+from decmcts.planning.problem.source import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
 from decmcts.print.contours import Role
@@ -47,10 +47,12 @@ def launched(
     """Plan as `launch` does; return what was said, and the arguments that verify the files."""
     said: list[str] = []
     machine = machine_file(folder, 0, 1)
-    given = read_source(
-        Path(source), machine, limits=Limits.SOURCE,
+    given = read(
+        Path(source),
+        machine,
+        limits=Limits.SOURCE,
         report=lambda event: None,
-    )  # fmt: skip
+    )
     problem = team_problem(given, rules, lambda event: said.append(str(event)))
     search = TeamSearch(0.5, cut=cut)
     result = Result(plan_team(problem, search, writes=True, agents=agents), search)

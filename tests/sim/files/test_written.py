@@ -12,12 +12,11 @@ from decmcts.errors import VerificationError
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.reading import reader
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.one_head.no_slower import write_no_slower
+from decmcts.planning.one_head.no_slower import draft_single, write_no_slower
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import NO_QUALITY, PlannerName, Search
 from decmcts.planning.problem.print_problem import load
 from decmcts.planning.verify import verify
-from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.files.written import verify_written

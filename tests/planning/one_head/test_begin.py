@@ -9,17 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.planning.compiling.begin import can_begin, first_planner
-from decmcts.planning.compiling.child import compiling_beside
-from decmcts.planning.compiling.parts import FIRST, part_of
+from decmcts.planning.compiling import FIRST, compiling_beside, part_of
 from decmcts.planning.events import unheard
+from decmcts.planning.one_head.order_search import OrderSearch
+from decmcts.planning.options import Search
 from tests.late_kernels import late_kernels
 from tests.search.problems import random_problem
 
 LOADED = """
 from dataclasses import replace
 import numpy as np
-from decmcts.planning.compiling.begin import compile_search
+from decmcts.planning.one_head.order_search import compile_search
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.timed_lags import no_timed_lags
@@ -65,9 +65,13 @@ def test_a_search_limited_by_iterations_begins_with_what_was_asked_for(fresh: Pa
     problem = random_problem(0, 30)
     part = part_of(problem, "hybrid")
     with compiling_beside([part], unheard, start=NeverDone()):
-        assert first_planner(problem, "hybrid", at_once=False) == FIRST
-        assert first_planner(problem, "hybrid", at_once=True) == "hybrid"
-        assert not can_begin(problem, "hybrid", at_once=True)
+        by_time, by_iterations = (
+            OrderSearch(None, problem, None, None, Search(max_iterations=most), unheard)
+            for most in (None, 10)
+        )
+        assert by_time.first == FIRST
+        assert by_iterations.first == "hybrid"
+        assert not by_iterations.ready()
 
 
 class NeverDone:

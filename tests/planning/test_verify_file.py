@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from decmcts.cli.run import run
-from tests.planning.verifying.test_verify_plan import TEXT
+from tests.planning.test_verify_plan import TEXT
 
 
 def test_a_source_that_was_kept_is_no_fault(tmp_path, capsys):

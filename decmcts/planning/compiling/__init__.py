@@ -1,1 +1,0 @@
-"""What is compiled on this machine, and compiling the rest beside a run."""

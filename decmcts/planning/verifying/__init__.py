@@ -1,1 +1,0 @@
-"""Plans and finished files judged again."""
