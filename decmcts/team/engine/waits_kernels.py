@@ -41,7 +41,8 @@ def latest_in_the_way(
 
     `joined` (chunks, 6) are the reserved spaces of head s's units, joined by CHUNK.
     """
-    r, rows, k = units.head[row], waits.rows[s], waits.counts[s] - 1
+    r, rows = units.head[row], waits.rows[s]
+    k: int = waits.counts[s] - 1
     while k >= lowest:
         chunk = k // CHUNK
         if not too_near(space_at(units.space, row), space_at(joined, chunk), r, s, fleet):
