@@ -28,8 +28,8 @@ from decmcts.team.engine.dispatch_kernels import URGENCY, dispatch
 from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.order import refuse, units_of
 from decmcts.team.engine.plans import POLICIES, STEP, StatedOrder
-from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import keys_of, policy_of
 from decmcts.team.incumbent import Budget, Found, TeamIncumbent
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan

@@ -24,7 +24,7 @@ def incumbent(case) -> TeamIncumbent:
 def in_halves(incumbent: TeamIncumbent) -> tuple[np.ndarray, np.ndarray]:
     """Return the source's order, each contour by the head that it is near."""
     problem = incumbent.problem
-    head = problem.side_of().astype(np.int32)
+    head = problem.key_terms.side.astype(np.int32)
     may = problem.space.eligible[np.arange(len(head)), head]
     return np.arange(len(head), dtype=np.int32), np.where(may, head, 1 - head).astype(np.int32)
 

@@ -9,10 +9,9 @@ The bound is the largest of five:
 - what only one head can print.
 
 The time of a contour is what the fastest head that may print it needs, entered where that
-takes least (`.least_time`), of one head alone at the contour's feeds. For several heads each
-contour also has its shares of the travels to and from it (`.least_travel`), but for the first
-and the last of a head. The chain counts no travel, since another head may print what comes next
-in it.
+takes least, of one head alone at the contour's feeds. For several heads each contour also has its
+shares of the travels to and from it (`.least_travel`), but for the first and the last of a head.
+The chain counts no travel, since another head may print what comes next in it.
 
 Where heads release reserved space piece by piece (`release` "point") the bounds on a rail and of
 two heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
@@ -23,7 +22,8 @@ states by how much. The bound of two heads takes reserved spaces as boxes, as pl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,9 @@ from decmcts.print.kinematics import fixed_order, widest
 from decmcts.print.loops import rotated
 from decmcts.print.loops_kernels import SLIVER_MM
 from decmcts.print.machine import Machine
+from decmcts.print.motion import segment_times
 from decmcts.print.seam import SeamEntries
 from decmcts.search.bounds.chains_kernels import chain_behind
-from decmcts.team.bounds.least_time import choices, least_times
 from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.bounds.pair_bound import pair_bound
 from decmcts.team.bounds.rail_bound import RailUse, rail_bound
@@ -46,6 +46,9 @@ from decmcts.team.engine.space import eligibility
 from decmcts.team.engine.spaces_kernels import cut_pieces
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
+NO_RAMP = 1e15  # mm/s²: any feed is reached at once
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +86,7 @@ def makespan_bound(
     """
     # by tool and reach alone: by boxes some head that fits would count as one that does not
     eligible = eligibility(job.contours, machine.heads)
-    least = least_times(job, machine, eligible, entries)
-    time, parts = least.contour, least.segment
+    time, parts = least_times(job, machine, eligible, entries)
     serial, heads = float(time.sum()), len(machine.heads)
     shares = no_shares(len(time))
     if travel and heads > 1:
@@ -107,7 +109,7 @@ def makespan_bound(
 def _on_rail(
     job: PrintJob,
     machine: Machine,
-    parts: NDArray[np.float64],
+    parts: Floats,
     entries: SeamEntries | None,
     shares: TravelShares,
 ) -> float:
@@ -118,38 +120,20 @@ def _on_rail(
     row, heads = fixed_order(machine), len(machine.heads)
     if row is None or heads < 2:
         return 0.0
-    held = _held_along(row.axis, job, machine, parts, entries)
+    held = _held(row.axis, job, machine, parts, entries)
     if shares.leaving.any() or shares.entering.any():
         held = _with_travels(held, job.contours, row.axis, entries, shares)
     found = rail_bound(held, separation_mm=row.apart_mm, heads=heads)
     return found - shares.without(heads)
 
 
-def _of_pair(
-    job: PrintJob, machine: Machine, parts: NDArray[np.float64], entries: SeamEntries | None
-) -> float:
+def _of_pair(job: PrintJob, machine: Machine, parts: Floats, entries: SeamEntries | None) -> float:
     """Return the bound of two heads that no rail joins; 0 for others."""
     if len(machine.heads) != 2 or widest(machine) is not None:
         return 0.0
-    x, y = (_held_along(axis, job, machine, parts, entries) for axis in (0, 1))
+    x, y = (_held(axis, job, machine, parts, entries) for axis in (0, 1))
     height = float(np.ptp(job.contours.points[:, 2])) if len(job.contours) else 0.0
     return pair_bound(x, y, machine, height_mm=height)
-
-
-def _held_along(
-    axis: int,
-    job: PrintJob,
-    machine: Machine,
-    parts: NDArray[np.float64],
-    entries: SeamEntries | None,
-) -> RailUse:
-    """Return what space along an axis is held, wherever loops may be entered."""
-    held = _held(job, machine, parts, axis)
-    if entries is not None and machine.release == "point":
-        return _entered_anywhere(held, job.contours, parts, axis, entries)
-    if entries is not None:
-        return _whole_from_any(held, job.contours, axis, entries)
-    return held
 
 
 def _with_travels(
@@ -183,10 +167,13 @@ def _with_travels(
     )
 
 
-def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> RailUse:
+def _held(
+    axis: int, job: PrintJob, machine: Machine, parts: Floats, entries: SeamEntries | None
+) -> RailUse:
     """Return what space along an axis each piece of each contour holds, and for how long.
 
-    Pieces are those that `decmcts.team.engine.order` makes, of contours it may reverse.
+    Pieces are those that `decmcts.team.engine.order` makes, of contours it may reverse; loops
+    may be entered at `entries`.
     """
     contours = job.contours
     reversible = contours.reversible & ~contours.closed
@@ -202,11 +189,16 @@ def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int
     is_last = np.diff(choice, append=-1) != 0
     end = np.where(is_last, spent[last] - spent[first], np.roll(begin, -1))
     low, high = pieces.space[:, 2 * axis], pieces.space[:, 2 * axis + 1]
-    return RailUse(low, high, end - begin, choice)
+    held = RailUse(low, high, end - begin, choice)
+    if entries is None:
+        return held
+    if machine.release == "point":
+        return _entered_anywhere(held, contours, parts, axis, entries)
+    return _whole_from_any(held, contours, axis, entries)
 
 
 def _entered_anywhere(
-    held: RailUse, contours: Contours, parts: NDArray[np.float64], axis: int, entries: SeamEntries
+    held: RailUse, contours: Contours, parts: Floats, axis: int, entries: SeamEntries
 ) -> RailUse:
     """Return what is held if loops may be entered at `entries`, and run in either direction.
 
@@ -242,3 +234,68 @@ def _whole_from_any(held: RailUse, contours: Contours, axis: int, entries: SeamE
         np.maximum(low, np.minimum.reduceat(at, offsets[:-1]), out=low)
         np.minimum(high, np.maximum.reduceat(at, offsets[:-1]), out=high)
     return held._replace(low=low, high=high)
+
+
+def least_times(
+    job: PrintJob, machine: Machine, eligible: NDArray[np.bool_], entries: SeamEntries | None = None
+) -> tuple[Floats, Floats]:
+    """Return the least times over the heads that may print each contour, and over its entries.
+
+    Heads of a team stand still between actions, for they may have to wait there, so their times
+    are from rest to rest. A head alone may run on from contour to contour, so its times are those
+    at the contours' feeds, without any ramps. O(heads with limits of their own · entries of one
+    contour · points).
+
+    Returns
+    -------
+    contour : (n,) seconds
+    segment : (n_points,) seconds
+        Of the segment ending at each point, 0 at a start. Those of a contour may sum to less than
+        the contour's, since each is by the head and entry that are best for it.
+
+    Parameters
+    ----------
+    eligible : (n, heads)
+        A contour that no head may print is taken to be any head's.
+    entries : SeamEntries | None
+        Where loops may be entered besides as sliced; None: nowhere.
+    """
+    contours = job.contours
+    may = eligible | ~eligible.any(axis=1, keepdims=True)
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    contour, segment = np.full(len(contours), np.inf), np.full(len(contours.points), np.inf)
+    limits, alone = [machine.limits_of(head) for head in machine.heads], len(machine.heads) == 1
+    if alone:
+        limits = [
+            replace(
+                limits[0], max_acceleration=(NO_RAMP,) * 4, acceleration=NO_RAMP,
+                retract_acceleration=NO_RAMP,
+            )
+        ]  # fmt: skip
+    kinds = {own: [k for k, other in enumerate(limits) if other == own] for own in limits}
+    for entry in choices(entries, len(contours)):
+        run, offsets = rotated(contours, entry)
+        running = replace(
+            contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
+        )
+        set_by = None if job.acceleration is None or alone else job.acceleration[run.rows]
+        for kind, heads in kinds.items():
+            mine = np.asarray(may[:, heads].any(axis=1))
+            seconds = segment_times(running, kind, set_by)
+            whole = np.add.reduceat(seconds, offsets[:-1])
+            parts = np.bincount(run.rows, seconds, len(owner))
+            np.minimum(contour, whole, out=contour, where=mine)
+            np.minimum(segment, parts, out=segment, where=mine[owner])
+    return contour, segment
+
+
+def choices(entries: SeamEntries | None, n: int) -> Iterator[NDArray[np.int32]]:
+    """Yield vertices of all contours, (n,), until each contour had all it may be entered at."""
+    yield np.zeros(n, np.int32)
+    if entries is None:
+        return
+    first, count = entries.offsets[:-1], np.diff(entries.offsets)
+    for k in range(int(count.max(initial=0))):
+        chosen = entries.vertices[first + np.minimum(k, count - 1)]
+        if chosen.any():
+            yield chosen

@@ -24,7 +24,7 @@ from decmcts.print.loops import FLAT_MM
 from decmcts.print.walls import no_walls, outer_walls
 from decmcts.print.walls_kernels import Walls
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
-from decmcts.team.engine.space import contour_boxes
+from decmcts.team.engine.space import contour_spaces
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -290,16 +290,11 @@ def _windows(strips: Strips, apart_mm: Floats, low: Floats, high: Floats) -> Non
     """
     heads, m = strips.begin.shape
     left = (strips.begin[1:] - strips.end[:-1] - apart_mm) / 2.0
-    for head in range(heads):
-        for step in range(m):
-            region = head * (m + 1) + step
-            if head + 1 < heads:
-                high[region] = strips.end[head, step] + left[head, step]
-            if head > 0:
-                low[region] = strips.begin[head, step] - left[head - 1, step]
-        if head + 1 < heads:
-            middle = head * (m + 1) + m
-            low[middle], high[middle] = strips.end[head, -1], strips.begin[head + 1, 0]
+    begin, end = np.full((heads, m + 1), -np.inf), np.full((heads, m + 1), np.inf)
+    begin[1:, :m], end[:-1, :m] = strips.begin[1:] - left, strips.end[:-1] + left
+    begin[:-1, m], end[:-1, m] = strips.end[:-1, -1], strips.begin[1:, 0]
+    regions = heads * (m + 1) - 1  # behind the last territory there is no middle
+    low[:regions], high[:regions] = begin.reshape(-1)[:-1], end.reshape(-1)[:-1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +311,7 @@ def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> WholeCont
     So nothing that touches a wall is printed before it. What is filled in goes with the last.
     What may not be cut, and reaches too far for that, goes with the other if it fits there.
     """
-    low, high = contour_boxes(contours)[:, 2 * layout.axis : 2 * layout.axis + 2].T
+    low, high = contour_spaces(contours)[:, 2 * layout.axis : 2 * layout.axis + 2].T
     layer, depth = contours.layer.astype(np.int64), spread.depth
     between = (
         layout.region(layer, depth, low + 1e-6), layout.region(layer, depth, high - 1e-6)

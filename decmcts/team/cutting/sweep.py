@@ -20,11 +20,9 @@ from decmcts.search.sequence.anneal_kernels import anneal
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace
 from decmcts.team.cutting.layout import Cuttable, Layout, WholeContours
-from decmcts.team.engine.carry_out_kernels import OK, carry_out
-from decmcts.team.engine.order import sequences_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.engine.resolve import is_allowed
+from decmcts.team.engine.resolve import units_as_stated
 from decmcts.team.engine.sweep_kernels import nearest_by_group, not_before, with_stragglers
 
 BLOCK = 200  # contours annealed at a time, or a whole run: few enough for a processor's cache
@@ -163,11 +161,8 @@ def times_of(problem: TeamProblem, stated: StatedOrder) -> tuple[NDArray[np.floa
     A layer's time is from the end of all below it to its own. None if the heads cannot carry
     the order out.
     """
-    if not is_allowed(problem, stated, problem.space.eligible):
-        return None
-    sequences = sequences_of(stated.toolpaths(len(problem.machine.heads)))
-    units, verdict = carry_out(sequences, problem.visits, problem.fleet)
-    if verdict != OK:
+    units = units_as_stated(problem, stated, range(len(problem.machine.heads)))
+    if units is None:
         return None
     used, layer = int(units.used[0]), problem.job.contours.layer
     contour, end = units.contour[:used], units.end[:used]

@@ -56,16 +56,7 @@ class PlanDistribution:
     def updated(
         self, expected: NDArray[np.float64], *, beta: float, alpha: float
     ) -> PlanDistribution:
-        """Return q after one step towards exp(E[f|x]/β), normalised.
-
-        Parameters
-        ----------
-        expected : (len(sequences),) E[f|x], the mean utility of each plan
-        beta : float
-            Temperature; small values prefer good plans more.
-        alpha : float
-            Length of the step.
-        """
+        """Return q after one step towards exp(E[f|x]/β), normalised; `expected[x]` is E[f|x]."""
         steps = step_distribution(self.probabilities, expected, beta, alpha)
         q = np.maximum(self.probabilities + steps, SMALLEST)
         return PlanDistribution(self.sequences, q / q.sum())
@@ -109,15 +100,10 @@ class Candidates:
         """Note what each of X̂ gained beside the same other plans, and move q."""
         self.sampled += 1
         self._mean += (utilities - self._mean) / np.minimum(self.sampled, RECENT)
-        expected = _scaled(self._mean)
+        low, high = float(self._mean.min()), float(self._mean.max())
+        expected = (self._mean - low) / (high - low) if high > low else np.zeros(len(self._mean))
         for _ in range(len(expected)):  # a step for each plan that was valued
             self.distribution = self.distribution.updated(
                 expected, beta=self._beta, alpha=self._parameters.alpha
             )
         self._beta = max(self._beta * self._parameters.cooling, self._parameters.coldest)
-
-
-def _scaled(utilities: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return utilities from 0, the worst, to 1, the best; all 0 where they are alike."""
-    low, high = float(utilities.min()), float(utilities.max())
-    return (utilities - low) / (high - low) if high > low else np.zeros(len(utilities))

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.team.dec_mcts.policy_trials import beside
 from decmcts.team.engine.plans import (
     HUNDREDTHS,
     MOST_LATER,
@@ -18,7 +19,6 @@ from decmcts.team.engine.plans import (
     encode,
     encode_changes,
 )
-from decmcts.team.engine.policy import beside
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.start import StartingOrder
 
@@ -42,7 +42,7 @@ def rearranged(
     start = problem.start
     assert start is not None
     move = rng.random()
-    later = _half_turns(rng)
+    later = int(rng.choice((-1, 1))) * (1 + 2 * int(rng.geometric(0.5)))  # past one or more
     made = {}
     for r, plan in plans.items():
         change = _intent(problem, plan) or Changes(*np.zeros((3, 0), np.int64))
@@ -62,11 +62,6 @@ def rearranged(
 
 def _intent(problem: TeamProblem, plan: Plan) -> Changes | None:
     return decode(plan, problem.n_macros, len(problem.macro)).changes
-
-
-def _half_turns(rng: np.random.Generator) -> int:
-    """Return by how much later: past the neighbouring macro-action, or some."""
-    return int(rng.choice((-1, 1))) * (1 + 2 * int(rng.geometric(0.5)))
 
 
 def _neighbour(r: int, row: Ints, rng: np.random.Generator) -> int:

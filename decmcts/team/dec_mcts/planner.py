@@ -98,7 +98,7 @@ class DecMcts:
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
         self._credit = 0  # contours that tree and distribution may place
         self._utilities: list[float] = []  # of all samples
-        default = self._by_policy(head, 0)
+        default = self._by_policy(0)
         self._tree = self._new_tree(default)
         self._own = Candidates((default,), self.parameters)
 
@@ -152,9 +152,9 @@ class DecMcts:
             return self._own.distribution.likeliest()
         if head in self._others:
             return self._others[head].likeliest()
-        return self._by_policy(head, 0)
+        return self._by_policy(0)
 
-    def _by_policy(self, head: int, policy: int) -> Plan:
+    def _by_policy(self, policy: int) -> Plan:
         return encode(policy, self.problem.n_macros)
 
     def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
@@ -200,7 +200,7 @@ class DecMcts:
             policy = trials.next()
             if policy is None:
                 break
-            plans = {r: self._by_policy(r, policy) for r in team}
+            plans = dict.fromkeys(team, self._by_policy(policy))
             trials.note(policy, self._values.makespan(plans, team))
         if len(trials.makespans) >= ENOUGH and self._start_s(team) * FAR < self._policies_s(team):
             trials.stop()
@@ -211,7 +211,7 @@ class DecMcts:
     def _begin_tree(self, team: TeamHeads) -> None:
         """Have a tree and X̂ of the best that was tried: an order to begin with, or policies."""
         trials = self._trials[team]
-        best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
+        best = [self._by_policy(k) for k in trials.best(self.parameters.plans)]
         if self._begins_ahead(team):
             best = [self._as_begun()]
         if rearranges(self.problem, best[0]) != rearranges(self.problem, self._tree.root.plan):
@@ -263,7 +263,7 @@ class DecMcts:
         node = self._tree.descend()
         plan = self._child_plan(node, team)
         while self._rng.random() < 0.3:
-            plan = self._exchange(plan)
+            plan = exchange(self.problem, self.head, plan, self._rng)
         child = self._tree.expand(node, plan)
         self._tree.backup(child, self._reward({**others, self.head: plan}, team))
 
@@ -293,11 +293,8 @@ class DecMcts:
         best = self._trials[team].best(ROOT_POLICIES)
         begun = rearranges(self.problem, node.plan)
         if node is self._tree.root and children < len(best) and not begun:
-            return self._by_policy(self.head, best[children])
-        return self._exchange(node.plan)
-
-    def _exchange(self, plan: Plan) -> Plan:
-        return exchange(self.problem, self.head, plan, self._rng)
+            return self._by_policy(best[children])
+        return exchange(self.problem, self.head, node.plan, self._rng)
 
     def _reward(self, plans: Mapping[int, Plan], team: TeamHeads) -> float:
         """Return the utility from 0, the median of all seen or worse, to 1, the best."""
@@ -326,23 +323,19 @@ class DecMcts:
 
     def _refine(self, team: TeamHeads, *, recreate: bool) -> None:
         """Recreate windows of the best joint order, or polish it; go over to a better start."""
-        start, polishing = self._values.starts[team], self._polishing
-        if polishing is None or polishing.team != team:
-            polishing = self._polishing = self._begun_anew(team)
-            best = self._values.stated(self.best(team).plans)
-            if best is not None:
-                polishing.polish.take(best)
-        elif polishing.outdone_by(start):
-            polishing = self._polishing = self._begun_anew(team)
+        polishing = self._polishing
+        first = polishing is None or polishing.team != team
+        if polishing is None or first or polishing.outdone_by(self._values.starts[team]):
+            begun = StatedOrder.of(self._values.start_paths[team])
+            polishing = self._polishing = self._new_polishing(begun, team)
+        best = self._values.stated(self.best(team).plans) if first else None
+        if best is not None:
+            polishing.polish.take(best)
         if recreate and len(self.problem.macro) > FEW:
             polishing.polish.recreate(self.parameters.windows)
         else:
             polishing.polish.improve(self.parameters.windows)
         self._keep_polished(polishing)
-
-    def _begun_anew(self, team: TeamHeads) -> _Polishing:
-        """Return the best plans of macro-actions as a joint order to polish."""
-        return self._new_polishing(StatedOrder.of(self._values.start_paths[team]), team)
 
     def _new_polishing(
         self, stated: StatedOrder, team: TeamHeads, gained_s: float = 0.0

@@ -7,11 +7,20 @@ The heads share the first policies out among them. Then each head tries those ro
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from decmcts.team.engine.plans import POLICIES, TUNED
-from decmcts.team.engine.policy import places
+from decmcts.team.engine.dispatch_kernels import BOTTLENECK, OTHERS, URGENCY
+from decmcts.team.engine.plans import POLICIES, STEP, TUNED
 
 BEST = 3  # near which the trials go on
+NEAR = 16  # policies that count as near one
+
+# Policies as points, (k, 6): like policies make like joint orders. Weights ten times apart are
+# 1/2.5 apart, and those below the least are as good as none.
+_LOGARITHMIC = (0, 1, STEP, BOTTLENECK, OTHERS)  # columns of POLICIES
+_LEAST = np.array([0.1, 0.1, 0.05, 0.01, 0.003])
+_LOGS = np.log10(np.maximum(POLICIES[:, _LOGARITHMIC], _LEAST)) / 2.5
+POINTS = np.column_stack([_LOGS, POLICIES[:, URGENCY]])
 
 
 class PolicyTrials:
@@ -29,7 +38,6 @@ class PolicyTrials:
     def __init__(self, turn: int, heads: int, *, tries: int) -> None:
         first = _mixed()[: max(1, -(-tries // 3))]
         self._open = list(first[turn % len(first) :: heads])
-        self._places = places()
         self._left = max(1, round(tries / heads))
         self.makespans: dict[int, float] = {}
 
@@ -56,10 +64,9 @@ class PolicyTrials:
 
     def _nearest(self) -> int:
         """Return the policy not tried that is nearest to one of the best."""
-        distance = np.full(len(self._places), np.inf)
+        distance = np.full(len(POINTS), np.inf)
         for place, row in enumerate(self.best(BEST)):
-            beside = np.linalg.norm(self._places - self._places[row], axis=1)
-            distance = np.minimum(distance, beside * (1.0 + 0.5 * place))
+            distance = np.minimum(distance, _distances(row) * (1.0 + 0.5 * place))
         distance[list(self.makespans)] = np.inf
         return int(np.argmin(distance))
 
@@ -68,3 +75,16 @@ def _mixed() -> list[int]:
     """Return all rows of POLICIES, a tuned one and one of the others in turn at first."""
     tuned, spread = range(TUNED), range(TUNED, len(POLICIES))
     return [row for pair in zip(tuned, spread, strict=False) for row in pair] + [*spread[TUNED:]]
+
+
+def beside(row: int, rng: np.random.Generator) -> int:
+    """Return another policy: one near this one, or now and then any."""
+    if rng.random() < 0.3:
+        return int(rng.integers(len(POLICIES)))
+    near = np.argsort(_distances(row), kind="stable")[1 : NEAR + 1]
+    return int(near[rng.integers(len(near))])
+
+
+def _distances(row: int) -> NDArray[np.float64]:
+    """Return how far each policy is from one, (k,)."""
+    return np.asarray(np.linalg.norm(POINTS - POINTS[row], axis=1))

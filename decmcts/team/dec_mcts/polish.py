@@ -1,6 +1,6 @@
 """Refines one joint order by local search, and crosses it with other heads' orders.
 
-Front of `recreate_kernels`, `polish_kernels` and `join_kernels`. A head improves the best joint
+Front of `recreate_kernels`, `polish_kernels` and `windows_kernels`. A head improves the best joint
 order it knows and sends it to the team. From an order it receives it takes the windows that are
 better than its own (partition crossover, Whitley, Hains & Howe 2009). So heads improve different
 places at once.
@@ -22,10 +22,9 @@ from decmcts.team.dec_mcts.windows_kernels import join
 from decmcts.team.engine.dispatch_kernels import new_pool
 from decmcts.team.engine.joint_kernels import NONE, TeamState, all_parked, new_units
 from decmcts.team.engine.plans import POLICIES, StatedOrder
-from decmcts.team.engine.policy import policy_of
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, link
-from decmcts.team.engine.resolve import fleet_for
+from decmcts.team.engine.resolve import fleet_for, policy_of
 
 NEAR = 10  # contours near each end of one
 LEVEL_MM = 20.0  # to find what is near, 1 mm upwards counts as so many along the bed
@@ -55,20 +54,22 @@ class Polish:
         """Begin with an order that `live` heads can carry out; None: all heads."""
         n, heads = len(problem.macro), len(problem.machine.heads)
         self._problem, self._state = problem, seeded(seed)
-        self._fleet, self._eligible = fleet_for(problem, range(heads) if live is None else live)
+        fleet, self._eligible = fleet_for(problem, range(heads) if live is None else live)
         self._moves = _moves(problem, self._eligible)
-        self._joint = _joint_of(stated, heads)
-        self._heads = all_parked(n, self._fleet)
-        self._units = new_units(8 * n + 64 * heads * (heads + 2))
-        self._marks = _marks(n, self._heads)
-        self.began_s = self.makespan_s = finish(
-            0, self._joint, problem.visits, self._fleet, self._units, self._heads, self._marks
-        )
+        self._joint, parked = _joint_of(stated, heads), all_parked(n, fleet)
+        units, self._marks = new_units(8 * n + 64 * heads * (heads + 2)), _marks(n, parked)
+        self._engine = self._joint, problem.visits, fleet, units, parked, self._marks
+        self.began_s = self.makespan_s = finish(0, *self._engine)
         self.best, self.best_s = stated, self.makespan_s
+
+    @property
+    def _searchable(self) -> bool:
+        """Whether there is an order to search, which heads can carry out."""
+        return bool(np.isfinite(self.makespan_s)) and len(self._joint.order) > 0
 
     def improve(self, windows: int) -> None:
         """Polish some random windows, or a small order as a whole; `best` never gets worse."""
-        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
+        if not self._searchable:
             return
         if len(self._joint.order) <= FEW:
             self._anneal(windows)
@@ -77,13 +78,8 @@ class Polish:
 
     def recreate(self, windows: int) -> None:
         """Ruin and recreate some random windows; the order never gets worse."""
-        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
-            return
-        self.makespan_s = recreate(
-            self.makespan_s, windows, self._joint, self._problem.visits, self._fleet,
-            self._units, self._heads, self._marks, self._guide, self._state,
-        )  # fmt: skip
-        self._keep()
+        if self._searchable:
+            self._keep(recreate(self.makespan_s, windows, *self._engine, self._guide, self._state))
 
     @cached_property
     def _guide(self) -> Guide:
@@ -97,35 +93,25 @@ class Polish:
         """
         sweeps = max(LEAST_SWEEPS, sweeps * SMALL // max(SMALL, len(self._joint.order)))
         times = max(1, sweeps // SWEEPS)
+        each = sweeps // times
         for _ in range(times):
-            self._anneal_once(sweeps // times)
-
-    def _anneal_once(self, sweeps: int) -> None:
-        """Anneal a small order as a whole, from a temperature drawn at random down to cold."""
-        first = log_uniform(self._state, COOLEST, HOTTEST)
-        hot = max(COLD_S, first * float(self._problem.visits.seconds.mean()))
-        for sweep in range(sweeps):
-            temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
-            self._polish(1, Annealing(temperature, np.inf, 0.01, FEW))
+            first = log_uniform(self._state, COOLEST, HOTTEST)
+            hot = max(COLD_S, first * float(self._problem.visits.seconds.mean()))
+            for sweep in range(each):
+                temperature = hot * (COLD_S / hot) ** ((sweep + 1) / each)
+                self._polish(1, Annealing(temperature, np.inf, 0.01, FEW))
 
     def _polish(self, windows: int, annealing: Annealing) -> None:
-        self.makespan_s = polish(
-            self.makespan_s, windows, annealing, self._joint, self._moves,
-            self._problem.visits, self._fleet, self._units, self._heads, self._marks,
-            self._state,
-        )  # fmt: skip
-        self._keep()
+        engine, state = self._engine, self._state
+        self._keep(polish(self.makespan_s, windows, annealing, self._moves, *engine, state))
 
     def take(self, other: StatedOrder) -> None:
         """Take from another joint order the windows in which it is better."""
-        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
-            return
-        self.makespan_s = join(
-            self.makespan_s, _differences(self._stated(), other), other.order.astype(np.int64),
-            other.head.astype(np.int64), np.ascontiguousarray(other.reversed),
-            self._joint, self._problem.visits, self._fleet, self._units, self._heads, self._marks,
-        )  # fmt: skip
-        self._keep()
+        if self._searchable:
+            windows = _differences(self._stated(), other)
+            order, head = other.order.astype(np.int64), other.head.astype(np.int64)
+            is_reversed = np.ascontiguousarray(other.reversed)
+            self._keep(join(self.makespan_s, windows, order, head, is_reversed, *self._engine))
 
     def _stated(self) -> StatedOrder:
         order = self._joint.order
@@ -133,8 +119,10 @@ class Polish:
             order.astype(np.int32), self._joint.reversed[order], self._joint.head[order]
         )
 
-    def _keep(self) -> None:
-        if self.makespan_s < self.best_s:
+    def _keep(self, makespan_s: float) -> None:
+        """Note the makespan of the order as it is now."""
+        self.makespan_s = makespan_s
+        if makespan_s < self.best_s:
             self.best, self.best_s = self._stated(), self.makespan_s
 
 
@@ -184,7 +172,7 @@ def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
     keys = np.zeros((heads, n))
     policy = policy_of(problem, POLICIES[np.zeros(heads, np.int64)], keys, eligible)
     pool = new_pool(problem.visits, policy, heads)
-    return Guide(POLICIES, problem.key_terms(), row, policy, pool, np.zeros((2, n), np.int64))
+    return Guide(POLICIES, problem.key_terms, row, policy, pool, np.zeros((2, n), np.int64))
 
 
 def _differences(mine: StatedOrder, other: StatedOrder) -> NDArray[np.int64]:

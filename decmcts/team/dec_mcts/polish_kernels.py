@@ -3,7 +3,7 @@
 A move takes a run of contours that one head prints one after the other and puts it
 before or behind another contour: on that contour's head, on its own at another turn, or
 on any head at any turn. Moves are judged within a window of turns: by heads and tails a
-little behind it (`tails_kernels`). What the window gained is kept if the whole
+little behind it (`windows_kernels`). What the window gained is kept if the whole
 print does not end much later (simulated annealing, within windows and over them).
 """
 
@@ -342,19 +342,9 @@ def move_run(
         return True
     rearrange(begin, end, count, goal, joint, moves)
     assign_run(count, new, is_reversed, joint, moves)
+    most = limit + GIVEN_UP
     change = evaluate_trial(
-        begin,
-        top,
-        end,
-        limit + GIVEN_UP,
-        joint,
-        moves,
-        visits,
-        fleet,
-        units,
-        heads,
-        marks,
-        annealing,
+        begin, top, end, most, joint, moves, visits, fleet, units, heads, marks, annealing
     )
     if change > limit:
         assign_run(count, old, before, joint, moves)
@@ -399,8 +389,8 @@ def polish_window(
 
 @kernel
 def polish(
-    makespan: float, windows: int, annealing: Annealing, joint: JointOrder,
-    moves: PolishMoves, visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
+    makespan: float, windows: int, annealing: Annealing, moves: PolishMoves, joint: JointOrder,
+    visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
     state: NDArray[np.uint64],
 ) -> float:  # fmt: skip
     """Polish `windows` random windows (mutates all but visits, fleet); return the makespan.

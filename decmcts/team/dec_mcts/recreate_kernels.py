@@ -42,12 +42,11 @@ from decmcts.team.engine.dispatch_kernels import (
     wake,
     write_keys,
 )
-from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits, ready_at
+from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits, has_capacity, ready_at
 from decmcts.team.engine.replay_kernels import (
     JointOrder,
     Marks,
     finish,
-    has_capacity,
     later_by,
     link,
     replay,
@@ -137,7 +136,7 @@ def dispatch_window(
             c = contours[left]
             while not guide.policy.eligible[c, r]:
                 r = (r + 1) % count
-        if not has_capacity(units, heads) or not print_next(
+        if not has_capacity(units, count) or not print_next(
             r, c, back, visits, fleet, units, heads
         ):
             return np.inf

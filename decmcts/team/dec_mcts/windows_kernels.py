@@ -1,24 +1,20 @@
-"""What all searches in windows of a joint order share (`polish`, `recreate`, `join`).
+"""What all searches in windows of a joint order share, and `join`, on bare arrays.
 
 Where they look, how what they try is judged, and how it is taken back.
-
-How much must still come after each turn of a joint order, head by head, on bare arrays.
 
 The *tail* of a head at a turn is the longest path through the partial order from the end of
 its last unit before that turn to the end of the print, the travel to its park included. A
 head that is free at `free` there delays the print exactly if `free` + tail is more than the
 makespan. Where it is less the head has slack.
 
+`join` takes from another joint order the windows in which it is better. Both orders print the
+same contours up to where a window begins and up to where it ends. So each window is carried out
+by itself and judged by heads and tails; what all of them make of the print is found at the end.
+
 References
 ----------
 Balas & Vazacopoulos 1998, "Guided local search with shifting bottleneck for job shop
 scheduling", Management Science 44(2): moves judged by heads and tails.
-
-Takes from another joint order the windows in which it is better, on bare arrays.
-
-Both orders print the same contours up to where a window begins and up to where it ends. So
-each window is carried out by itself and judged by heads and tails; what all of them
-make of the print is found once, at the end.
 """
 
 from __future__ import annotations
@@ -35,12 +31,18 @@ from decmcts.team.engine.replay_kernels import JointOrder, Marks, finish, link, 
 from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 from decmcts.team.engine.waits_kernels import AT_END, find_waits
 
+GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
+CONTOURS_A_WINDOW = 1_000  # contours of an order for each window of a batch
+LEAST, MOST = 4, 32  # windows of a batch
+LATENESS_WEIGHT = 0.1  # weight of all heads' lateness beside that of the print
 
-@inlined
-def lateness(turn: int, fleet: Fleet, marks: Marks) -> float:
-    """When the print ends by what is marked at a turn, and a little of when each head is free."""
-    late: float = latest_end(turn, fleet, marks) + LATENESS_WEIGHT * marks.free[turn].sum()
-    return late
+
+class Window(NamedTuple):
+    """Some turns of a joint order, one after the other."""
+
+    order: NDArray[np.int64]  # contours
+    head: NDArray[np.int64]  # aligned with order, here and below
+    reversed: NDArray[np.bool_]
 
 
 @kernel
@@ -92,40 +94,31 @@ def share_at(unit: int, point: int, visits: Visits, units: Units) -> float:
 @kernel
 def longest_paths(visits: Visits, fleet: Fleet, units: Units) -> NDArray[np.float64]:
     """Return the longest path from the end of each unit to the end of all, (m,) seconds."""
-    m, heads = units.used[0], len(fleet.parks)
-    own, place = np.empty(m, np.int64), np.empty(len(visits.ends), np.int64)
-    rows, counts = np.empty((heads, m), np.int64), np.zeros(heads, np.int64)
-    for row in range(m):
-        r = units.head[row]
-        own[row], rows[r, counts[r]] = counts[r], row
-        counts[r] += 1
-        if units.contour[row] != NONE:
-            place[units.contour[row]] = row
-    after, point = find_waits(own, place, visits, fleet, units)
+    m, heads, waits = units.used[0], len(fleet.parks), find_waits(visits, fleet, units)
     way, behind = np.zeros(m), np.zeros(m)  # from the begin; what waits for the end
     for r in range(heads):
-        if counts[r] > 0:
-            u = rows[r, counts[r] - 1]
+        if waits.counts[r] > 0:
+            u = waits.rows[r, waits.counts[r] - 1]
             behind[u] = travel_seconds(units.target[u], fleet.parks[r], fleet.travel[r])
     for row in range(m - 1, -1, -1):
         way[row] = max(way[row], units.end[row] - units.begin[row] + behind[row])
-        if (after[row] != NONE).any():
+        if (waits.after[row] != NONE).any():
             way[row] += fleet.rest_s
         if units.before[row] != NONE:
             behind[units.before[row]] = max(behind[units.before[row]], way[row])
         for s in range(heads):
-            if after[row, s] == NONE:
+            if waits.after[row, s] == NONE:
                 continue
-            u = rows[s, after[row, s]]
-            if point[row, s] == AT_END:
+            u = waits.rows[s, waits.after[row, s]]
+            if waits.point[row, s] == AT_END:
                 behind[u] = max(behind[u], way[row])
             else:
-                passed = share_at(u, point[row, s], visits, units)
+                passed = share_at(u, waits.point[row, s], visits, units)
                 way[u] = max(way[u], passed * (units.end[u] - units.begin[u]) + way[row])
         c = units.contour[row]
         if c != NONE:
             for k in range(visits.lags.offsets[c], visits.lags.offsets[c + 1]):
-                u = place[visits.lags.below[k]]
+                u = waits.place[visits.lags.below[k]]
                 behind[u] = max(behind[u], visits.lags.seconds[k] + way[row])
     return behind
 
@@ -138,20 +131,6 @@ def find_tails(visits: Visits, fleet: Fleet, units: Units, marks: Marks) -> None
         for r in range(len(fleet.parks)):
             u = marks.last[turn, r]
             marks.tail[turn, r] = behind[u] if u != NONE else 0.0
-
-
-GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
-CONTOURS_A_WINDOW = 1_000  # contours of an order for each window of a batch
-LEAST, MOST = 4, 32  # windows of a batch
-LATENESS_WEIGHT = 0.1  # weight of all heads' lateness beside that of the print
-
-
-class Window(NamedTuple):
-    """Some turns of a joint order, one after the other."""
-
-    order: NDArray[np.int64]  # contours
-    head: NDArray[np.int64]  # aligned with order, here and below
-    reversed: NDArray[np.bool_]
 
 
 @inlined
@@ -213,6 +192,13 @@ def latest_end(turn: int, fleet: Fleet, marks: Marks) -> float:
             tail = travel_seconds(marks.at[turn, r], fleet.parks[r], fleet.travel[r])
         latest = max(latest, marks.free[turn, r] + tail)
     return latest
+
+
+@inlined
+def lateness(turn: int, fleet: Fleet, marks: Marks) -> float:
+    """When the print ends by what is marked at a turn, and a little of when each head is free."""
+    late: float = latest_end(turn, fleet, marks) + LATENESS_WEIGHT * marks.free[turn].sum()
+    return late
 
 
 @inlined

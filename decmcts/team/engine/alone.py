@@ -21,26 +21,18 @@ from decmcts.team.engine.space import Workspaces, build_space
 TRIAL_MM = 30.0  # of the travel that says which of two heads is quicker
 
 
-def share_out(
-    order: NDArray[np.int32], eligible: NDArray[np.bool_], live: Sequence[int]
-) -> NDArray[np.int64]:
-    """Return which head prints each contour of `order`, (n,).
+def split(toolpath: Toolpath, eligible: NDArray[np.bool_], live: Sequence[int]) -> list[Toolpath]:
+    """Return one toolpath per head that together keep the order of `toolpath`.
 
     Begins with the head of `live` that may print most, of equal ones the first. Another
     takes over only where the one at work may not print a contour.
     """
-    head = np.empty(len(order), np.int64)
+    head = np.empty(len(toolpath), np.int64)
     now = max(live, key=lambda r: int(eligible[:, r].sum()))
-    for i, contour in enumerate(order):
+    for i, contour in enumerate(toolpath.order):
         if not eligible[contour, now]:
             now = next(r for r in live if eligible[contour, r])
         head[i] = now
-    return head
-
-
-def split(toolpath: Toolpath, eligible: NDArray[np.bool_], live: Sequence[int]) -> list[Toolpath]:
-    """Return one toolpath per head that together keep the order of `toolpath`."""
-    head = share_out(toolpath.order, eligible, live)
     parts = []
     for r in range(eligible.shape[1]):
         at = np.flatnonzero(head == r)
@@ -55,18 +47,14 @@ def hand_over(toolpaths: Sequence[Toolpath], eligible: NDArray[np.bool_]) -> Seq
     if len(busy) != 1 or len(toolpaths) != eligible.shape[1]:
         return toolpaths
     order = toolpaths[busy[0]].order
-    known = len(order) == 0 or bool((order >= 0).all() and (order < len(eligible)).all())
+    known = (order >= 0).all() and (order < len(eligible)).all()
     if not known or eligible[order, busy[0]].all() or not eligible[order].any(axis=1).all():
         return toolpaths
     return split(toolpaths[busy[0]], eligible, range(len(toolpaths)))
 
 
 def one_head_toolpaths(
-    job: PrintJob,
-    machine: Machine,
-    toolpath: Toolpath,
-    *,
-    live: Sequence[int] | None = None,
+    job: PrintJob, machine: Machine, toolpath: Toolpath, *, live: Sequence[int] | None = None
 ) -> list[Toolpath]:
     """Return the toolpaths, one per head, in which one head prints what it can in this order.
 
@@ -85,10 +73,9 @@ def one_head_toolpaths(
     """
     team = range(len(machine.heads)) if live is None else sorted(live)
     space = build_space(job, machine, team)
-    eligible = space.eligible
-    require_printable(job.contours, machine, eligible, live=team)
+    require_printable(job.contours, machine, space.eligible, live=team)
     ranked = sorted(nearest_first(space, team), key=lambda r: _slowness(machine, r))
-    return split(toolpath, eligible, ranked)
+    return split(toolpath, space.eligible, ranked)
 
 
 def nearest_first(space: Workspaces, team: Sequence[int]) -> list[int]:

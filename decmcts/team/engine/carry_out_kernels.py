@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from decmcts.compiled import inlined, kernel
 from decmcts.team.engine.aside_kernels import path_from_parks, print_next, return_all, space_for
-from decmcts.team.engine.joint_kernels import NONE, Units, Visits, all_parked, new_units
+from decmcts.team.engine.joint_kernels import (
+    NONE,
+    Units,
+    Visits,
+    all_parked,
+    has_capacity,
+    new_units,
+)
 from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
 OK, CONTRADICTED, SHUT_IN = 0, 1, 2
@@ -32,10 +39,10 @@ class Sequences(NamedTuple):
 @kernel
 def with_capacity(units: Units, heads: int) -> Units:
     """Return units with rows free for all that one more contour can need."""
-    used, most = units.used[0], len(units.head)
-    if used + heads * (heads + 2) + 2 <= most:
+    used = units.used[0]
+    if has_capacity(units, heads):
         return units
-    larger = new_units(2 * most)
+    larger = new_units(2 * len(units.head))
     larger.head[:used], larger.kind[:used] = units.head[:used], units.kind[:used]
     larger.contour[:used] = units.contour[:used]
     larger.reversed[:used] = units.reversed[:used]

@@ -43,10 +43,10 @@ PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 class KeyTerms(NamedTuple):
     """What `write_keys` makes a policy's keys of; see `decmcts.team.engine.problem`."""
 
-    progress: NDArray[np.float64]  # (n,)
-    urgency: NDArray[np.float64]  # (n,)
-    side: NDArray[np.int64]  # (n,)
-    bottleneck: NDArray[np.bool_]  # (n,)
+    progress: NDArray[np.float64]  # (n,) share of its part's work before it
+    urgency: NDArray[np.float64]  # (n,) 0: the longest chain comes after it, 1: nothing does
+    side: NDArray[np.int64]  # (n,) head in whose share of the machine it lies
+    bottleneck: NDArray[np.bool_]  # (n,) it lies there
 
 
 class Policy(NamedTuple):
@@ -205,13 +205,6 @@ def space_free_from(
 
 
 @inlined
-def drop_outdated(r: int, heads: TeamState, pool: Pool) -> None:
-    """Drop the begins that were found for head r where it stood before (mutates pool)."""
-    if pool.earliest_unit[r] != heads.last[r]:
-        pool.earliest_row[r], pool.earliest_unit[r] = NONE, heads.last[r]
-
-
-@inlined
 def first_open(i: int, policy: Policy, pool: Pool) -> int:
     """First contour left of the i-th open column; NONE: it is open no more (mutates pool)."""
     column = pool.open[i]
@@ -234,7 +227,8 @@ def choose(
     unless this head moves.
     """
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
-    drop_outdated(r, heads, pool)
+    if pool.earliest_unit[r] != heads.last[r]:  # begins were found for where it stood before
+        pool.earliest_row[r], pool.earliest_unit[r] = NONE, heads.last[r]
     best, chosen, is_reversed, wakes = np.inf, NONE, False, np.inf
     key_weight, waste_weight = policy.weights[r, 0], policy.weights[r, 1]
     step_weight = policy.weights[r, 2]
@@ -273,14 +267,6 @@ def choose(
             # the best so far goes to the front: a good score early rules others out by key alone
             pool.open[i - 1], pool.open[0] = pool.open[0], pool.open[i - 1]
     return chosen, is_reversed, wakes if wakes < np.inf else next_decision(r, start, heads, pool)
-
-
-@kernel
-def first_left(lowest: int, pool: Pool) -> int:
-    """Lowest contour not yet placed, from `lowest` on: all that supports it was placed."""
-    while pool.placed[lowest]:
-        lowest += 1
-    return lowest
 
 
 @inlined
@@ -360,7 +346,9 @@ def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
     while left > 0:
         r, c, back, start = next_print(visits, fleet, policy, units, state, pool)
         if c == NONE:
-            c = lowest = first_left(lowest, pool)
+            while pool.placed[lowest]:  # all that supports the lowest one left was placed
+                lowest += 1
+            c = lowest
             while not policy.eligible[c, r]:
                 r = (r + 1) % heads
         units = with_capacity(units, heads)

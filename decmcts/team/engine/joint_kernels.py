@@ -6,7 +6,7 @@ its head, what supports its contour and the space reserved by units placed befor
 So whatever is placed, in whatever order that keeps the precedence, there is a joint
 order, and it has no cycle: a unit waits only for units placed before it.
 
-A head that prints releases its reserved space piece by piece (`pieces_kernels`). A head at rest
+A head that prints releases its reserved space piece by piece (`spaces_kernels`). A head at rest
 where another wants to go steps aside first (`aside_kernels`).
 """
 
@@ -91,6 +91,12 @@ def new_units(most: int) -> Units:
         np.empty(most, np.int64),
         np.zeros(1, np.int64),
     )
+
+
+@inlined
+def has_capacity(units: Units, heads: int) -> bool:
+    """Whether `units` has rows free for all that one more contour can need."""
+    return bool(units.used[0] + heads * (heads + 2) + 2 <= len(units.head))
 
 
 @kernel

@@ -16,12 +16,12 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags, no_lags
+from decmcts.print.loops import enter_at
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
-from decmcts.print.toolpath import Toolpath
+from decmcts.print.toolpath import Toolpath, entries_by_contour
 from decmcts.team.engine.carry_out_kernels import CONTRADICTED, SHUT_IN, Sequences, carry_out
 from decmcts.team.engine.joint_kernels import PLACES, Units, Visits
-from decmcts.team.engine.space import Workspaces, printing_times
 from decmcts.team.engine.spaces_kernels import Fleet, cut_pieces
 from decmcts.team.engine.waits_kernels import UnitOrder, find_waits, first_later
 
@@ -61,14 +61,14 @@ def visits_of(
 
 
 def require_complete(
-    job: PrintJob, machine: Machine, space: Workspaces, toolpaths: Sequence[Toolpath]
+    job: PrintJob, machine: Machine, eligible: NDArray[np.bool_], toolpaths: Sequence[Toolpath]
 ) -> None:
     """Raise InputError unless every contour is printed once, by a head that can."""
     if len(toolpaths) != len(machine.heads):
         raise InputError(
             f"{len(toolpaths)} toolpaths for the {len(machine.heads)} heads of {machine.name}"
         )
-    require_printable(job.contours, machine, space.eligible)
+    require_printable(job.contours, machine, eligible)
     order = np.concatenate([toolpath.order for toolpath in toolpaths])
     counts = np.bincount(order, minlength=len(job.contours))
     wanted = np.arange(len(counts)) < len(job.contours)
@@ -78,7 +78,7 @@ def require_complete(
             f"contour {wrong} is printed {counts[wrong]} times, expected {int(wanted[wrong])}"
         )
     for r, toolpath in enumerate(toolpaths):
-        refused = toolpath.order[~space.eligible[toolpath.order, r]]
+        refused = toolpath.order[~eligible[toolpath.order, r]]
         if len(refused):
             raise InputError(
                 f"head {machine.heads[r].name} can not print contour {int(refused[0])} "
@@ -111,6 +111,24 @@ def refuse(verdict: int, machine: Machine) -> None:
         )
 
 
+def visits_along(
+    job: PrintJob, graph: DependencyGraph, machine: Machine, seconds: NDArray[np.float64],
+    toolpaths: Sequence[Toolpath], lags: Lags | None,
+) -> tuple[Contours, Visits]:  # fmt: skip
+    """Return contours as toolpaths enter them, and what the kernels need to know of them then.
+
+    `seconds` (heads, n) are printing times.
+    """
+    n = len(job.contours)
+    is_reversed = np.zeros(n, np.bool_)
+    for toolpath in toolpaths:
+        is_reversed[toolpath.order] = toolpath.reversed
+    entered = enter_at(job.contours, entries_by_contour(toolpaths, n))
+    in_pieces = len(machine.heads) > 1 and machine.release == "point"
+    visits = visits_of(entered, graph, seconds, is_reversed, in_pieces=in_pieces, lags=lags)
+    return entered, visits
+
+
 def units_of(visits: Visits, fleet: Fleet, machine: Machine, paths: Sequence[Toolpath]) -> Units:
     """Place everything in these toolpaths; raises InputError where that cannot be."""
     units, verdict = carry_out(sequences_of(paths), visits, fleet)
@@ -124,40 +142,6 @@ def order_units(
 ) -> UnitOrder:
     """Return the partial order that sequences make; raises InputError where they make none."""
     units = units_of(visits, fleet, machine, toolpaths)
-    own, rows, counts = _index(units.head, len(toolpaths))
-    place = np.empty(len(visits.ends), np.int64)
-    printing = np.flatnonzero(units.contour >= 0)
-    place[units.contour[printing]] = printing
-    after, point = find_waits(own, place, visits, fleet, units)
-    later = first_later(units.head, own, rows, after, point, counts)
-    return UnitOrder(
-        units.head, units.kind, units.contour, units.target, own, rows, counts, after, point, later
-    )
-
-
-def order_of_job(
-    job: PrintJob, graph: DependencyGraph, machine: Machine, fleet: Fleet,
-    running: Contours, toolpaths: Sequence[Toolpath], lags: Lags,
-) -> UnitOrder:  # fmt: skip
-    """Return the partial order of a print whose contours run as `running` says."""
-    is_reversed = np.zeros(len(job.contours), np.bool_)
-    for toolpath in toolpaths:
-        is_reversed[toolpath.order] = toolpath.reversed
-    seconds = printing_times(job, machine)
-    in_pieces = len(machine.heads) > 1 and machine.release == "point"
-    visits = visits_of(running, graph, seconds, is_reversed, in_pieces=in_pieces, lags=lags)
-    return order_units(visits, fleet, machine, toolpaths)
-
-
-def _index(
-    head: NDArray[np.int32], heads: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return each unit's index within its head, the rows of each head, and how many it has."""
-    counts = np.bincount(head, minlength=heads).astype(np.int64)
-    own = np.empty(len(head), np.int64)
-    rows = np.zeros((heads, int(counts.max(initial=0))), np.int64)
-    for r in range(heads):
-        mine = np.flatnonzero(head == r)
-        own[mine] = np.arange(len(mine))
-        rows[r, : len(mine)] = mine
-    return own, rows, counts
+    waits = find_waits(visits, fleet, units)
+    later = first_later(units.head, waits)
+    return UnitOrder(units.head, units.kind, units.contour, units.target, *waits, later)

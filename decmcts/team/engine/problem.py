@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +38,7 @@ from decmcts.team.engine.dispatch_kernels import KeyTerms
 from decmcts.team.engine.joint_kernels import Visits
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.plans import StatedOrder
-from decmcts.team.engine.space import (
-    Workspaces,
-    build_space,
-    fleet_of,
-    printing_times,
-)
+from decmcts.team.engine.space import Workspaces, build_space, fleet_of, printing_times
 from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.engine.start import StartingOrder, start_of
 
@@ -96,9 +92,7 @@ class TeamProblem:
     visits: Visits  # as sliced
     row: NDArray[np.int64]  # (heads,) in which they stand, lowest first (`line_up`)
     quantile: NDArray[np.float64]  # (n,) share of all work at lower places along that axis, 0..1
-    progress: NDArray[np.float64]  # (n,) share of its part's work before it
-    urgency: NDArray[np.float64]  # (n,) 0: the longest chain comes after it, 1: nothing does
-    bottleneck: NDArray[np.bool_]  # (n,) see decmcts.team.engine.problem
+    key_terms: KeyTerms  # what a policy makes its keys of
     part: NDArray[np.int64]  # (n,) connected footprint
     column_offsets: NDArray[np.int64]  # (columns + 1,) see decmcts.team.engine.dispatch_kernels
     column: NDArray[np.int32]  # (n,)
@@ -116,15 +110,6 @@ class TeamProblem:
     def head_names(self) -> tuple[str, ...]:
         """Names of the heads, in the machine's order."""
         return tuple(head.name for head in self.machine.heads)
-
-    def side_of(self) -> NDArray[np.int64]:
-        """Return the head in whose share of the machine each contour lies, (n,)."""
-        heads = len(self.machine.heads)
-        return self.row[np.minimum((self.quantile * heads).astype(np.int64), heads - 1)]
-
-    def key_terms(self) -> KeyTerms:
-        """Return what a policy makes its keys of."""
-        return KeyTerms(self.progress, self.urgency, self.side_of(), self.bottleneck)
 
     def places(self) -> NDArray[np.float64]:
         """Return where each contour comes in each head's sweep, 0..1, (heads, n).
@@ -165,7 +150,8 @@ def build_team_problem(
     visits = visits_of(
         contours, graph, by_head, reversible, in_pieces=machine.release == "point", lags=lags
     )
-    axis, row = line_up(machine)
+    axis, heads_in_row = line_up(machine)
+    row = np.array(heads_in_row, np.int64)
     quantile = _quantile(seconds, space, axis)
     part = part_of(contours)
     progress = part_progress(seconds, part)
@@ -183,46 +169,35 @@ def build_team_problem(
         space=space,
         fleet=fleet_of(job, machine),
         visits=visits,
-        row=np.array(row, np.int64),
+        row=row,
         quantile=quantile,
-        progress=progress,
-        urgency=_urgency(seconds, graph),
-        bottleneck=bottleneck(space.boxes, seconds, machine),
+        key_terms=KeyTerms(
+            progress, _urgency(seconds, graph), row[side], bottleneck(space.boxes, seconds, machine)
+        ),
         part=part,
         column_offsets=column_offsets,
         column=column,
         macro=macro,
-        macro_part=_first_of(macro, part),
+        macro_part=part[np.unique(macro, return_index=True)[1]],  # each lies within one part
         n_macros=int(macro.max(initial=-1)) + 1,
-        digest=_with_start(_with_lags(problem_digest(contours, graph, machine), lags), start),
+        digest=_digest(problem_digest(contours, graph, machine), lags, start),
         start=begun,
     )
 
 
-def _with_lags(digest: str, lags: Lags | None) -> str:
-    """Return a problem's digest with what must cool in it; as it is where nothing has to."""
-    if lags is None or not len(lags.below):
-        return digest
-    state = blake2b(bytes.fromhex(digest), digest_size=DIGEST_BYTES, person=b"decmcts-lags-1")
-    state.update(lags.offsets.astype("<i8").tobytes())
-    state.update(lags.below.astype("<i8").tobytes())
-    state.update(np.round(lags.seconds / ROUND_TO).astype("<i8").tobytes())
-    return state.hexdigest()
-
-
-def _with_start(digest: str, start: StatedOrder | None) -> str:
-    """Return a problem's digest with the order heads begin with in it."""
-    if start is None:
-        return digest
-    state = blake2b(bytes.fromhex(digest), digest_size=DIGEST_BYTES, person=b"decmcts-start-1")
-    for row in (start.order, start.reversed, start.head):
-        state.update(row.astype("<i8").tobytes())
-    return state.hexdigest()
-
-
-def _first_of(macro: NDArray[np.int32], part: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the part of each macro-action, which lies within one part."""
-    return part[np.unique(macro, return_index=True)[1]]
+def _digest(digest: str, lags: Lags | None, start: StatedOrder | None) -> str:
+    """Return a problem's digest with what must cool and the order heads begin with in it."""
+    more: dict[bytes, tuple[NDArray[Any], ...]] = {}
+    if lags is not None and len(lags.below):
+        more[b"decmcts-lags-1"] = lags.offsets, lags.below, np.round(lags.seconds / ROUND_TO)
+    if start is not None:
+        more[b"decmcts-start-1"] = start.order, start.reversed, start.head
+    for person, rows in more.items():
+        state = blake2b(bytes.fromhex(digest), digest_size=DIGEST_BYTES, person=person)
+        for row in rows:
+            state.update(row.astype("<i8").tobytes())
+        digest = state.hexdigest()
+    return digest
 
 
 def _urgency(seconds: NDArray[np.float64], graph: DependencyGraph) -> NDArray[np.float64]:

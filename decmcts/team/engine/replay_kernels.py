@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts.compiled import apart, inlined, kernel
 from decmcts.team.engine.aside_kernels import print_next, return_all
-from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits
+from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits, has_capacity
 from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 
 
@@ -70,13 +70,6 @@ def restore(turn: int, units: Units, heads: TeamState, marks: Marks) -> None:
 
 
 @inlined
-def has_capacity(units: Units, heads: TeamState) -> bool:
-    """Whether `units` has rows free for all that one more contour can need."""
-    count = len(heads.free)
-    return bool(units.used[0] + count * (count + 2) + 2 <= len(units.head))
-
-
-@inlined
 def later_by(turn: int, fleet: Fleet, heads: TeamState, marks: Marks) -> float:
     """How much later the print ends than by the marks, judged by the tails at a turn."""
     latest, usual, last = -np.inf, -np.inf, len(marks.used) - 1
@@ -105,7 +98,7 @@ def place_turns(
     later = 0.0
     for turn in range(begin, end):
         c = contours[turn]
-        if not has_capacity(units, heads) or not print_next(
+        if not has_capacity(units, len(heads.free)) or not print_next(
             joint.head[c], c, joint.reversed[c], visits, fleet, units, heads
         ):
             return np.inf
@@ -155,7 +148,7 @@ def finish(
         joint.order, begin, n, begin, n + 1, np.inf, joint, visits, fleet, units, heads,
         marks,
     )  # fmt: skip
-    if later == np.inf or not has_capacity(units, heads):
+    if later == np.inf or not has_capacity(units, len(heads.free)):
         return np.inf
     if not return_all(visits, fleet, units, heads):
         return np.inf

@@ -22,19 +22,19 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import nearest_first, split
 from decmcts.team.engine.carry_out_kernels import OK, carry_out
-from decmcts.team.engine.dispatch_kernels import dispatch
+from decmcts.team.engine.dispatch_kernels import Policy, dispatch, write_keys
 from decmcts.team.engine.joint_kernels import Units
 from decmcts.team.engine.order import refuse, sequences_of, units_of
 from decmcts.team.engine.plans import (
     HUNDREDTHS,
     POLICIES,
+    STEP,
     TUNED,
     Intent,
     StatedOrder,
     decode,
     encode,
 )
-from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.space import build_space, fleet_of
 from decmcts.team.engine.spaces_kernels import Fleet
@@ -84,7 +84,8 @@ def resolve(
     }
     serial = next((i.serial for i in intents.values() if i.serial is not None), None)
     if serial is not None and (order := as_allowed(problem, serial)):
-        return _one_by_one(problem, order, fleet, eligible, team)
+        toolpaths = split(order, eligible, nearest_first(problem.space, team))
+        return _resolved(units_of(problem.visits, fleet, problem.machine, toolpaths), heads)
     stated = next((i.stated for i in intents.values() if i.stated is not None), None)
     if stated is not None and (found := as_stated(problem, stated, team)):
         return found
@@ -119,10 +120,7 @@ def fleet_for(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray
 
 
 def _dispatched(
-    problem: TeamProblem,
-    intents: Mapping[int, Intent],
-    fleet: Fleet,
-    eligible: NDArray[np.bool_],
+    problem: TeamProblem, intents: Mapping[int, Intent], fleet: Fleet, eligible: NDArray[np.bool_]
 ) -> Resolved:
     """Let the heads choose by their plans."""
     heads = range(len(problem.machine.heads))
@@ -134,6 +132,44 @@ def _dispatched(
     units, verdict = dispatch(problem.visits, fleet, policy)
     refuse(verdict, problem.machine)
     return _resolved(units, len(heads))
+
+
+def keys_of(problem: TeamProblem, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return when each head wants to print each contour, in progress of its part, (heads, n).
+
+    `weights` (heads, 6) are rows of `POLICIES`, or like them.
+    """
+    everything = np.arange(len(problem.macro))
+    keys = np.empty((len(weights), len(everything)))
+    for r, row in enumerate(weights):
+        write_keys(r, row, everything, problem.key_terms, keys)
+    return keys
+
+
+def policy_of(
+    problem: TeamProblem,
+    weights: NDArray[np.float64],
+    keys: NDArray[np.float64],
+    eligible: NDArray[np.bool_],
+) -> Policy:
+    """Return the policy of all heads as the kernels take it.
+
+    Parameters
+    ----------
+    weights : (heads, 6) rows of `POLICIES`, or like them
+    keys : (heads, n) least first
+    eligible : (n, heads)
+    """
+    return Policy(
+        keys,
+        problem.places(),
+        eligible,
+        np.ascontiguousarray(weights[:, : STEP + 1]),
+        problem.column_offsets,
+        problem.column,
+        problem.graph.succ_offsets,
+        problem.graph.succs,
+    )
 
 
 def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:
@@ -159,27 +195,20 @@ def _keeps_precedence(problem: TeamProblem, order: NDArray[np.int32]) -> bool:
     return bool((turn[before] < turn[after]).all())
 
 
-def _one_by_one(
-    problem: TeamProblem,
-    order: Toolpath,
-    fleet: Fleet,
-    eligible: NDArray[np.bool_],
-    team: Sequence[int],
-) -> Resolved:
-    """Print everything in one order, one head at a time where that matters."""
-    toolpaths = split(order, eligible, nearest_first(problem.space, team))
-    return _resolved(units_of(problem.visits, fleet, problem.machine, toolpaths), len(toolpaths))
-
-
 def as_stated(problem: TeamProblem, stated: StatedOrder, team: Sequence[int]) -> Resolved | None:
     """Let the heads do exactly this; None if these heads can not."""
+    units = units_as_stated(problem, stated, team)
+    return None if units is None else _resolved(units, len(problem.machine.heads))
+
+
+def units_as_stated(problem: TeamProblem, stated: StatedOrder, team: Sequence[int]) -> Units | None:
+    """Return all that the heads do in a stated order; None if these heads can not."""
     fleet, eligible = fleet_for(problem, team)
     if not is_allowed(problem, stated, eligible):
         return None
-    heads = len(problem.machine.heads)
-    sequences = sequences_of(stated.toolpaths(heads))
+    sequences = sequences_of(stated.toolpaths(len(problem.machine.heads)))
     units, verdict = carry_out(sequences, problem.visits, fleet)
-    return _resolved(units, heads) if verdict == OK else None
+    return units if verdict == OK else None
 
 
 def _resolved(units: Units, heads: int) -> Resolved:
@@ -188,13 +217,12 @@ def _resolved(units: Units, heads: int) -> Resolved:
     makespan = float(units.end[:used].max(initial=0.0))
     state = blake2b(digest_size=32, person=b"decmcts-joint-2")
     printing = np.flatnonzero(units.contour[:used] >= 0)
-    toolpaths = []
-    for r in range(heads):
-        turn = np.flatnonzero(units.head[printing] == r)
-        order = units.contour[printing[turn]].astype(np.int32)
-        is_reversed = units.reversed[printing[turn]]
-        entry = np.zeros(len(order), np.int32)
-        toolpaths.append(Toolpath(order, is_reversed, entry, turn))
-        symbols = np.concatenate([[-1, r], 2 * order.astype(np.int64) + is_reversed, turn])
+    placed = StatedOrder(
+        units.contour[printing], units.reversed[printing], units.head[printing].astype(np.int64)
+    )
+    toolpaths = tuple(placed.toolpaths(heads))
+    for r, path in enumerate(toolpaths):
+        visits = 2 * path.order.astype(np.int64) + path.reversed
+        symbols = np.concatenate([[-1, r], visits, np.asarray(path.turn)])
         state.update(np.ascontiguousarray(symbols, "<i8").tobytes())
-    return Resolved(tuple(toolpaths), makespan, state.hexdigest())
+    return Resolved(toolpaths, makespan, state.hexdigest())

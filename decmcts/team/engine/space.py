@@ -38,26 +38,20 @@ class Workspaces:
             getattr(self, name).setflags(write=False)
 
 
-def contour_boxes(contours: Contours) -> NDArray[np.float64]:
-    """Return min x, max x, min y, max y of each contour's nozzle path, (n, 4)."""
-    low = np.minimum.reduceat(contours.points[:, :2], contours.offsets[:-1])
-    high = np.maximum.reduceat(contours.points[:, :2], contours.offsets[:-1])
-    return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+def contour_spaces(contours: Contours) -> NDArray[np.float64]:
+    """Return min x, max x, min y, max y, min z, max z of each contour's nozzle path, (n, 6)."""
+    low = np.minimum.reduceat(contours.points, contours.offsets[:-1])
+    high = np.maximum.reduceat(contours.points, contours.offsets[:-1])
+    return np.stack([low, high], axis=2).reshape(-1, 6)
 
 
 def eligibility(contours: Contours, heads: tuple[Head, ...]) -> NDArray[np.bool_]:
     """Return which head may print which contour: tool and reach, (n, heads)."""
-    boxes, top, bottom = contour_boxes(contours), contours.top, contours.bottom
-    columns = []
+    spaces, columns = contour_spaces(contours), []
     for head in heads:
-        low, high = head.reach_min, head.reach_max
-        inside = (boxes[:, 0] >= low[0]) & (boxes[:, 1] <= high[0])
-        inside &= (boxes[:, 2] >= low[1]) & (boxes[:, 3] <= high[1])
-        inside &= (bottom >= low[2]) & (top <= high[2])
-        tool = (
-            np.isin(contours.tool, head.tools) if head.tools else np.ones(len(contours), np.bool_)
-        )
-        columns.append(inside & tool)
+        able = (spaces[:, 0::2] >= head.reach_min).all(axis=1)
+        able &= (spaces[:, 1::2] <= head.reach_max).all(axis=1)
+        columns.append(able & np.isin(contours.tool, head.tools) if head.tools else able)
     return np.stack(columns, axis=1)
 
 
@@ -106,7 +100,7 @@ def _aside_limits(
 
     That is bed and print as far as its reach goes, and the path to its park.
     """
-    boxes = contour_boxes(contours)
+    boxes = contour_spaces(contours)[:, :4]
     corners = [boxes[:, 0::2], boxes[:, 1::2], np.array([machine.bed_min, machine.bed_max])]
     both = np.concatenate(corners)
     parks = np.array([head.park[:2] for head in machine.heads], np.float64)
@@ -179,7 +173,8 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
     if live is not None:
         eligible[:, [r for r in range(len(machine.heads)) if r not in live]] = False
     parks = np.array([head.park for head in machine.heads], np.float64)
-    return Workspaces(contour_boxes(job.contours), parks, _let_in(eligible, job, machine, live))
+    boxes = np.ascontiguousarray(contour_spaces(job.contours)[:, :4])
+    return Workspaces(boxes, parks, _let_in(eligible, job, machine, live))
 
 
 def able_heads(job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
@@ -200,15 +195,12 @@ def able_heads(job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
 
 def whole_pieces(contours: Contours) -> Pieces:
     """Return one piece of each contour, in both directions where it may be reversed."""
-    low = np.minimum.reduceat(contours.points, contours.offsets[:-1])
-    high = np.maximum.reduceat(contours.points, contours.offsets[:-1])
-    spaces = np.stack([low, high], axis=2).reshape(-1, 6)
     directions = np.ones((len(contours), 2), np.bool_)
     directions[:, 1] = contours.reversible
     count = int(directions.sum())
     return Pieces(
         np.concatenate([[0], np.cumsum(directions)]),
-        spaces[np.repeat(np.arange(len(contours)), directions.sum(axis=1))],
+        np.repeat(contour_spaces(contours), directions.sum(axis=1), axis=0),
         np.zeros(count),
         np.zeros(count, np.int32),
     )

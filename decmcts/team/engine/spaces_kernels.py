@@ -140,9 +140,10 @@ def keep_space(space: Space, spaces: NDArray[np.float64], k: int) -> None:
 
 
 @inlined
-def meet(a: Space, b: Space, relation: NDArray[np.float64], first: int, end: int) -> bool:
-    """Whether two heads in spaces `a` and `b` could meet, by rows first..end - 1 of `relation`."""
-    for k in range(first, end):
+def too_near(a: Space, b: Space, r: int, s: int, fleet: Fleet) -> bool:
+    """Whether head r somewhere in space `a` and head s somewhere in space `b` could meet."""
+    relation, pair = fleet.relation, r * len(fleet.parks) + s
+    for k in range(fleet.relation_offsets[pair], fleet.relation_offsets[pair + 1]):
         if (
             b[0] - a[1] < relation[k, 1] - TOUCH
             and b[1] - a[0] > relation[k, 0] + TOUCH
@@ -153,15 +154,6 @@ def meet(a: Space, b: Space, relation: NDArray[np.float64], first: int, end: int
         ):
             return True
     return False
-
-
-@inlined
-def too_near(a: Space, b: Space, r: int, s: int, fleet: Fleet) -> bool:
-    """Whether head r somewhere in space `a` and head s somewhere in space `b` could meet."""
-    pair = r * len(fleet.parks) + s
-    first, end = fleet.relation_offsets[pair], fleet.relation_offsets[pair + 1]
-    near: bool = meet(a, b, fleet.relation, first, end)
-    return near
 
 
 @inlined

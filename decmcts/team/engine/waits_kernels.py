@@ -21,22 +21,28 @@ CHUNK = 64  # units whose spaces are also kept joined, so that most can be passe
 AT_END = -1
 
 
+class Waits(NamedTuple):
+    """What units wait for, and how units of one head follow one another."""
+
+    own: NDArray[np.int64]  # (m,) index within the head's units
+    place: NDArray[np.int64]  # (n,) unit that prints each contour
+    rows: NDArray[np.int64]  # (heads, m) row of each head's k-th unit
+    counts: NDArray[np.int64]  # (heads,) units of each head
+    after: NDArray[np.int64]  # (m, heads) that head's unit to wait for; NONE
+    point: NDArray[np.int32]  # (m, heads) vertex of it that must be passed; AT_END
+
+
 @kernel
 def latest_in_the_way(
-    row: int,
-    s: int,
-    lowest: int,
-    count: int,
-    rows: NDArray[np.int64],
-    joined: NDArray[np.float64],
-    fleet: Fleet,
+    row: int, s: int, lowest: int, joined: NDArray[np.float64], waits: Waits, fleet: Fleet,
     units: Units,
-) -> int:
+) -> int:  # fmt: skip
     """Index of the last of head s's units so far in the way of a unit; `lowest` - 1: none is.
 
-    `rows` are the units of head s and `joined` (chunks, 6) their reserved spaces, joined by CHUNK.
+    `joined` (chunks, 6) are the reserved spaces of head s's units, joined by CHUNK.
     """
-    r, k = units.head[row], count - 1
+    r, rows = units.head[row], waits.rows[s]
+    k: int = waits.counts[s] - 1
     while k >= lowest:
         chunk = k // CHUNK
         if not too_near(space_at(units.space, row), space_at(joined, chunk), r, s, fleet):
@@ -51,46 +57,34 @@ def latest_in_the_way(
 
 
 @kernel
-def latest_pred(
-    row: int, s: int, own: NDArray[np.int64], place: NDArray[np.int64], visits: Visits, units: Units
-) -> int:
+def latest_pred(row: int, s: int, waits: Waits, visits: Visits, units: Units) -> int:
     """Index within head s of the last unit that prints what supports this one; NONE: none does."""
     contour, last = units.contour[row], NONE
     if contour != NONE:
         for k in range(visits.pred_offsets[contour], visits.pred_offsets[contour + 1]):
-            unit = place[visits.preds[k]]
+            unit = waits.place[visits.preds[k]]
             if units.head[unit] == s:
-                last = max(last, own[unit])
+                last = max(last, waits.own[unit])
     return last
 
 
 @kernel
 def need_of(
-    row: int,
-    s: int,
-    known: NDArray[np.int64],
-    count: int,
-    rows: NDArray[np.int64],
-    joined: NDArray[np.float64],
-    own: NDArray[np.int64],
-    place: NDArray[np.int64],
-    visits: Visits,
-    fleet: Fleet,
-    units: Units,
-) -> tuple[int, int]:
+    row: int, s: int, known: NDArray[np.int64], joined: NDArray[np.float64], waits: Waits,
+    visits: Visits, fleet: Fleet, units: Units,
+) -> tuple[int, int]:  # fmt: skip
     """Return what a unit needs of head s: a unit and a point of it, or AT_END; NONE: nothing.
 
     `known` is what its own head waited for before: unit and point.
     """
     unit, point = NONE, AT_END
     lowest = known[0] if known[1] != AT_END else known[0] + 1
-    k = latest_in_the_way(row, s, max(lowest, 0), count, rows, joined, fleet, units)
+    k = latest_in_the_way(row, s, max(lowest, 0), joined, waits, fleet, units)
     if k >= max(lowest, 0):
-        piece = first_clear_piece(
-            rows[k], space_at(units.space, row), units.head[row], visits, fleet, units
-        )
+        space, u = space_at(units.space, row), waits.rows[s, k]
+        piece = first_clear_piece(u, space, units.head[row], visits, fleet, units)
         unit, point = k, AT_END if piece == NONE else visits.pieces.point[piece]
-    pred = latest_pred(row, s, own, place, visits, units)
+    pred = latest_pred(row, s, waits, visits, units)
     if pred >= unit and pred != NONE:
         unit, point = pred, AT_END
     if unit < known[0] or (unit == known[0] and known[1] == AT_END):
@@ -101,70 +95,62 @@ def need_of(
 
 
 @kernel
-def find_waits(
-    own: NDArray[np.int64], place: NDArray[np.int64], visits: Visits, fleet: Fleet, units: Units
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """For each unit and each other head: the unit of it to wait for, and the point, (m, heads).
+def find_waits(visits: Visits, fleet: Fleet, units: Units) -> Waits:
+    """Find for each unit and each other head the unit of it to wait for, and the point.
 
-    NONE where a unit needs nothing beyond what its own head waited for before. `own`
-    (m,) is each unit's index within its head, `place` (n,) the unit that prints each contour.
+    NONE where a unit needs nothing beyond what its own head waited for before.
     """
-    m, heads = len(own), len(fleet.parks)
-    after, point = np.full((m, heads), NONE), np.full((m, heads), AT_END, np.int32)
+    m, heads = units.used[0], len(fleet.parks)
+    waits = Waits(
+        np.empty(m, np.int64), np.empty(len(visits.ends), np.int64),
+        np.empty((heads, m), np.int64), np.zeros(heads, np.int64),
+        np.full((m, heads), NONE), np.full((m, heads), AT_END, np.int32),
+    )  # fmt: skip
     known = np.full((heads, heads, 2), NONE)
-    rows, counts = np.empty((heads, m), np.int64), np.zeros(heads, np.int64)
     joined = np.empty((heads, m // CHUNK + 1, 6))
     for row in range(m):
         r = units.head[row]
         for s in range(heads):
             if s == r:
                 continue
-            unit, at = need_of(
-                row, s, known[r, s], counts[s], rows[s], joined[s], own, place, visits, fleet, units
-            )
+            unit, at = need_of(row, s, known[r, s], joined[s], waits, visits, fleet, units)
             if unit != NONE:
-                after[row, s], point[row, s] = unit, at
+                waits.after[row, s], waits.point[row, s] = unit, at
                 known[r, s, 0], known[r, s, 1] = unit, at
-        chunk = counts[r] // CHUNK
+        count = waits.counts[r]
+        chunk = count // CHUNK
         space = space_at(units.space, row)
-        if counts[r] % CHUNK > 0:
+        if count % CHUNK > 0:
             space = join_spaces(space_at(joined[r], chunk), space)
         keep_space(space, joined[r], chunk)
-        rows[r, counts[r]] = row
-        counts[r] += 1
-    return after, point
+        waits.own[row], waits.rows[r, count], waits.counts[r] = count, row, count + 1
+        if units.contour[row] != NONE:
+            waits.place[units.contour[row]] = row
+    return waits
 
 
 @kernel
-def first_later(
-    head: NDArray[np.int32],
-    own: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    after: NDArray[np.int64],
-    point: NDArray[np.int32],
-    counts: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def first_later(head: NDArray[np.int32], waits: Waits) -> NDArray[np.int64]:
     """For each unit and each head: the first unit of that head ordered after its end, (m, heads).
 
-    That head's number of units where there is none. `rows[s, k]` is the row of
-    head s's k-th unit. The values never fall along a head's sequence. A unit that waits
-    for a point comes after the end of the unit before.
+    That head's number of units where there is none. The values never fall along a head's
+    sequence. A unit that waits for a point comes after the end of the unit before.
     """
-    m, heads = after.shape
+    m, heads = waits.after.shape
     later = np.empty((m, heads), np.int64)
     for row in range(m):
-        later[row] = counts
+        later[row] = waits.counts
     for row in range(m - 1, -1, -1):
         r = head[row]
         for s in range(heads):
-            before = own[row] - 1 if s == r else after[row, s]
-            if s != r and before != NONE and point[row, s] != AT_END:
+            before = waits.own[row] - 1 if s == r else waits.after[row, s]
+            if s != r and before != NONE and waits.point[row, s] != AT_END:
                 before -= 1
             if before == NONE:
                 continue
-            up = rows[s, before]
+            up = waits.rows[s, before]
             later[up] = np.minimum(later[up], later[row])
-            later[up, r] = min(later[up, r], own[row])
+            later[up, r] = min(later[up, r], waits.own[row])
     return later
 
 
@@ -175,11 +161,12 @@ class UnitOrder(NamedTuple):
     kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK
     contour: NDArray[np.int32]  # (m,) -1 unless printed
     target: NDArray[np.float64]  # (m, 3) where it ends
-    own: NDArray[np.int64]  # (m,) index within the head's units
-    rows: NDArray[np.int64]  # (heads, most) row of each head's k-th unit
-    counts: NDArray[np.int64]  # (heads,) units of each head
-    after: NDArray[np.int64]  # (m, heads) that head's unit to wait for; NONE
-    point: NDArray[np.int32]  # (m, heads) vertex of it that must be passed; AT_END
+    own: NDArray[np.int64]  # as in `Waits`, to `point`
+    place: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    after: NDArray[np.int64]
+    point: NDArray[np.int32]
     later: NDArray[np.int64]  # (m, heads) that head's first unit ordered after this one
 
     def of_head(self, r: int) -> NDArray[np.int64]:
@@ -200,13 +187,11 @@ class Rests(NamedTuple):
 
 
 @kernel
-def last_below(
-    c: int, s: int, place: NDArray[np.int64], units: UnitOrder, lags: Lags
-) -> tuple[int, float]:
+def last_below(c: int, s: int, units: UnitOrder, lags: Lags) -> tuple[int, float]:
     """Index within head s of the last unit that prints what lies below c, and its lag; or NONE."""
     last, lag = NONE, 0.0
     for e in range(lags.offsets[c], lags.offsets[c + 1]):
-        row = place[lags.below[e]]
+        row = units.place[lags.below[e]]
         if units.head[row] == s:
             last, lag = max(last, units.own[row]), max(lag, lags.seconds[e])
     return last, lag
@@ -264,7 +249,6 @@ def let_cool(
     units: UnitOrder,
     passing: NDArray[np.float64],
     seconds: NDArray[np.float64],
-    place: NDArray[np.int64],
     lags: Lags,
     least: float,
     step: float,
@@ -272,7 +256,7 @@ def let_cool(
     """When each unit begins if all begin as early as their waits allow, and rests for cooling.
 
     `passing` (m, heads): seconds from the begin of what is waited for until it is passed. Rests
-    are multiples of `step`, longer than `least`. `place` (n,): the unit that prints each contour.
+    are multiples of `step`, longer than `least`.
     """
     m, heads = units.after.shape
     most = len(lags.below) + 1
@@ -292,7 +276,7 @@ def let_cool(
         rests.begin[row] = free
         if units.kind[row] == UNIT_PRINT:
             for s in range(heads):
-                last, lag = last_below(c, s, place, units, lags)
+                last, lag = last_below(c, s, units, lags)
                 if last == NONE:
                     continue
                 other = units.rows[s, last]

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.optimize import linprog
-from scipy.sparse import coo_matrix
 
 from decmcts.formats.bare.qcsp import QcspProblem
 
@@ -64,33 +64,14 @@ def _flow(
     and what goes from (k, b) on to (k + 1, b') for each pair of bays far enough apart.
     A node passes on no more than it gets.
     """
-    m, pairs = len(work), len(first)
-    step, arc = np.repeat(np.arange(q - 1), pairs), np.arange(pairs * (q - 1)) + m
-    came, went = np.tile(second, q - 1), np.tile(first, q - 1)
-    begun = np.arange(m)
-    cover = coo_matrix(
-        (np.ones(m + len(arc)), (np.append(begun, came), np.append(begun, arc))),
-        shape=(m, m + len(arc)),
-    )
-    out = (np.ones(len(arc)), step * m + went, arc)
-    into = step < q - 2
-    passed = coo_matrix(
-        (
-            np.concatenate([out[0], -np.ones(m), -np.ones(int(into.sum()))]),
-            (
-                np.concatenate([out[1], begun, (step[into] + 1) * m + came[into]]),
-                np.concatenate([out[2], begun, arc[into]]),
-            ),
-        ),
-        shape=(m * max(q - 1, 1), m + len(arc)),
-    )
-    cost = np.append(np.ones(m), np.zeros(len(arc)))
-    solved = linprog(
-        cost,
-        A_ub=passed.tocsr(),
-        b_ub=np.zeros(passed.shape[0]),
-        A_eq=cover.tocsr(),
-        b_eq=work,
-        method="highs",
-    )
+    m, pairs, steps = len(work), np.arange(len(first)), np.eye(q - 1)
+    went = sparse.coo_matrix((np.ones(len(first)), (first, pairs)), shape=(m, len(first)))
+    came = sparse.coo_matrix((np.ones(len(first)), (second, pairs)), shape=(m, len(first)))
+    cover = sparse.hstack([sparse.eye(m), sparse.kron(np.ones((1, q - 1)), came)], "csr")
+    begun = sparse.kron(steps[:, :1], -sparse.eye(m)) if q > 1 else sparse.coo_matrix((0, m))
+    onward = sparse.kron(steps, went) - sparse.kron(np.eye(q - 1, k=-1), came)
+    passed = sparse.hstack([begun, onward], "csr")
+    cost = np.append(np.ones(m), np.zeros(onward.shape[1]))
+    none = np.zeros(passed.shape[0])
+    solved = linprog(cost, A_ub=passed, b_ub=none, A_eq=cover, b_eq=work, method="highs")
     return float(solved.fun) if solved.status == 0 else float(work.sum()) / q

@@ -39,6 +39,7 @@ def paths_of(
     """
     end = begin + problem.duration
     last = float(end.max(initial=0.0))
+    behind = min(problem.bay.min(initial=problem.start[0]), problem.start.min())  # left of all
     paths: list[NDArray[np.float64]] = []
     left: NDArray[np.float64] | None = None
     for v in range(problem.cranes):
@@ -47,19 +48,13 @@ def paths_of(
         if problem.ready[v] > 0.0:
             stops = np.vstack([[0.0, problem.ready[v], problem.start[v]], stops])
         stops = stops[np.argsort(stops[:, 0], kind="stable")]
-        path = _own_path(stops, _floor(problem, v), problem.travel, last)
+        floor = float(behind - problem.spacing * (problem.cranes - 1 - v))
+        path = _own_path(stops, floor, problem.travel, last)
         if left is not None:
             path = _extreme(path, left + np.array([0.0, problem.spacing]), np.maximum)
         left = path
         paths.append(_from_start(path, float(problem.start[v]), problem.travel))
     return tuple(paths)
-
-
-def _floor(problem: QcspProblem, v: int) -> float:
-    """Return a place left of all crane v or those right of it must be at, by their distance."""
-    behind = min(problem.bay.min(initial=problem.start[0]), problem.start.min())
-    most = problem.cranes - 1 - v
-    return float(behind - problem.spacing * most)
 
 
 def _own_path(
@@ -83,14 +78,9 @@ def _own_path(
     end, place = points[-1]
     lowest = max(floor, place - (last - end) / travel)
     points += [(end + (place - lowest) * travel, lowest), (last, lowest)]
-    return _sorted(np.array(points))
-
-
-def _sorted(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a path whose times increase; of rows of one time the first is kept."""
-    times = np.maximum.accumulate(path[:, 0])
-    _, first = np.unique(times, return_index=True)
-    return np.stack([times[first], path[first, 1]], axis=1)
+    path = np.array(points)
+    times, first = np.unique(np.maximum.accumulate(path[:, 0]), return_index=True)
+    return np.stack([times, path[first, 1]], axis=1)
 
 
 def _extreme(

@@ -120,21 +120,25 @@ class _Thread:
         made = 0
         while made < proposals and goal.is_open(made) and go_on():
             more = min(self.slice, proposals - made)
-            temperatures = tuple(
+            warm, cold = (
                 warmest * (coldest / warmest) ** (at / proposals) for at in (made, made + more)
             )
             anneal_schedule(
                 self.problem, self.schedule, self.best, costs, sweep, self.rightward, self.state,
-                (temperatures[0], temperatures[1]), more,
+                (warm, cold), more,
             )  # fmt: skip
             made += more
             if costs[1] <= goal.makespan:
                 goal.reached.append((made, self.number))
         return made
 
+    def go_to(self, order: NDArray[np.int32], crane: NDArray[np.int32]) -> None:
+        """Go on from this order and these cranes; the times are found later."""
+        self.schedule.order[:], self.schedule.crane[:] = order, crane
+
     def makespan(self) -> float:
         """Return the makespan of the last round's best schedule, which `schedule` becomes."""
-        self.schedule.order[:], self.schedule.crane[:] = self.best
+        self.go_to(*self.best)
         find_loads(self.problem, self.schedule)
         decode(self.problem, self.schedule, np.inf)
         return float(self.schedule.end.max())
@@ -201,7 +205,7 @@ class _CraneSearch:
         turn, length, speed = 0, _FIRST_ROUND, 0.0
         longest = max(length, _LONGEST_ROUND * len(self.problem))
         with ThreadPoolExecutor(_THREADS) as pool:
-            while self._may_go_on() and not self._reached():
+            while self._may_go_on() and self._makespan > self._goal:
                 kind = turn % _ROUNDS
                 round_ = self._length(length, speed)
                 began = self._seconds()
@@ -239,10 +243,7 @@ class _CraneSearch:
         own = [(thread.schedule.order.copy(), thread.schedule.crane.copy()) for thread in threads]
         if free:
             for thread in threads:
-                thread.schedule.order[:], thread.schedule.crane[:] = (
-                    self._best.order,
-                    self._best.crane,
-                )
+                thread.go_to(self._best.order, self._best.crane)
         goal = _Goal(self._goal)
         works = [
             pool.submit(
@@ -260,7 +261,9 @@ class _CraneSearch:
             self._proposals += sum(made)
             self._keep(threads, own, free=free)
         if self._progress is not None:
-            self._progress(self._stand())
+            improved = self._history[-1][0] if self._history else 0.0
+            cost = float(self._makespan)
+            self._progress(Progress(self._seconds(), self._proposals, cost, improved, self._bound))
 
     def _keep(
         self,
@@ -275,7 +278,7 @@ class _CraneSearch:
             if not free:
                 thread.least = min(thread.least, makespan)
             else:
-                thread.schedule.order[:], thread.schedule.crane[:] = order, crane
+                thread.go_to(order, crane)
 
     def _offer(self, thread: _Thread) -> float:
         """Take the thread's last result if it is better; return its makespan."""
@@ -299,56 +302,31 @@ class _CraneSearch:
         """Say whether there is time, and a proposal left for each thread."""
         return not self._stopping.ends(self._seconds(), self._proposals + _THREADS - 1)
 
-    def _reached(self) -> bool:
-        return self._makespan <= self._goal
-
     def _seconds(self) -> float:
         return self._clock() - self._began
-
-    def _stand(self) -> Progress:
-        improved = self._history[-1][0] if self._history else 0.0
-        cost = float(self._makespan)
-        return Progress(self._seconds(), self._proposals, cost, improved, self._bound)
 
 
 def _threads_of(problem: QcspProblem, seed: int) -> Iterator[_Thread]:
     """Yield threads to the right and left in turn, the work shared out evenly along the rail."""
     arrays, depth = _arrays_of(problem)
     n, q = len(problem), problem.cranes
+    looks = max(1, min(_SLICE, _SLICE_WORK // max(1, n * q)))  # rarer where proposals are quick
     for thread in range(2 * _THREADS):
         rightward = thread % 2 == 0
         along = arrays.bay if rightward else -arrays.bay
         sweep = np.lexsort((np.arange(n), depth, along)).astype(np.int32)
         work = problem.duration[sweep]
         share = (np.cumsum(work) - work / 2) * q / max(float(work.sum()), 1e-300)
-        rank = np.minimum(share.astype(np.int32), q - 1)
-        schedule = _empty_schedule(n, q, arrays.bays)
-        schedule.order[:] = sweep
-        schedule.crane[sweep] = rank if rightward else q - 1 - rank
-        best = schedule.order.copy(), schedule.crane.copy()
+        rank, crane = np.minimum(share.astype(np.int32), q - 1), np.zeros(n, np.int32)
+        crane[sweep] = rank if rightward else q - 1 - rank
+        schedule = CraneSchedule(
+            sweep.copy(), crane, np.zeros(n), np.zeros(n),
+            np.empty((q, arrays.bays)), np.empty((q, arrays.bays)),
+            np.zeros(q, np.int32), np.zeros(q), np.zeros(q), np.zeros(q),
+        )  # fmt: skip
+        best = sweep.copy(), crane.copy()
         state = seeded(seed * 2 * _THREADS + thread)
-        yield _Thread(thread, arrays, sweep, rightward, schedule, best, state, _slice_of(n, q))
-
-
-def _slice_of(tasks: int, cranes: int) -> int:
-    """Return the proposals between looks at the clock: fewer where each takes long."""
-    return max(1, min(_SLICE, _SLICE_WORK // max(1, tasks * cranes)))
-
-
-def _empty_schedule(n: int, q: int, bays: int) -> CraneSchedule:
-    """Return arrays for one schedule."""
-    return CraneSchedule(
-        np.zeros(n, np.int32),
-        np.zeros(n, np.int32),
-        np.zeros(n),
-        np.zeros(n),
-        np.empty((q, bays)),
-        np.empty((q, bays)),
-        np.zeros(q, np.int32),
-        np.zeros(q),
-        np.zeros(q),
-        np.zeros(q),
-    )
+        yield _Thread(thread, arrays, sweep, rightward, schedule, best, state, looks)
 
 
 def _arrays_of(problem: QcspProblem) -> tuple[CraneProblem, NDArray[np.int64]]:

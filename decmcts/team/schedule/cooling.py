@@ -64,8 +64,7 @@ def find_lags(
     n = len(contours)
     if n == 0 or min_layer_time_s <= 0.0:
         return [no_lags(n) for _ in times]
-    offsets, below = _below(contours)
-    above = np.repeat(np.arange(n), np.diff(offsets))
+    above, below = _right_under(contours)
     found = []
     for begin, end in times:
         given = _left(above, below, begin, end)
@@ -85,17 +84,16 @@ def time_left(
 
     Infinite where nothing is under it.
     """
-    offsets, below = _below(contours)
-    return _left(np.repeat(np.arange(len(contours)), np.diff(offsets)), below, begin, end)
+    return _left(*_right_under(contours), begin, end)
 
 
-def _below(contours: Contours) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Return what is right under each contour, as compressed rows."""
+def _right_under(contours: Contours) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return pairs of contours of which the second is right under the first, (k,) each."""
     top = contours.top
     by_top = np.argsort(top, kind="stable").astype(np.int32)
     beads = pack_contours(contours, 0.0)
     offsets, below = printed_over(beads, by_top, top[by_top], contours.height, contours.width)
-    return offsets, below
+    return np.repeat(np.arange(len(contours)), np.diff(offsets)), below
 
 
 def _left(
@@ -152,11 +150,7 @@ def _park(machine: Machine) -> NDArray[np.float64]:
 
 
 def cooled(
-    job: PrintJob,
-    machine: Machine,
-    graph: DependencyGraph,
-    lags: Lags,
-    toolpath: Toolpath,
+    job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags, toolpath: Toolpath
 ) -> TimedOrder:
     """Return an order near `toolpath` that waits little, with its time.
 

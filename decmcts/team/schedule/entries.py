@@ -25,7 +25,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.kinematics import line_up
 from decmcts.print.lags_kernels import Lags
-from decmcts.print.loops import as_run, enter_at, rotated
+from decmcts.print.loops import as_run, rotated
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries, seam_entries
 from decmcts.print.toolpath import Toolpath, entries_by_contour
@@ -34,7 +34,7 @@ from decmcts.search.sequence.metric_kernels import with_points
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.team.engine.carry_out_kernels import OK, carry_out
-from decmcts.team.engine.order import sequences_of, visits_of
+from decmcts.team.engine.order import sequences_of, visits_along
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import first_policies_s
 from decmcts.team.engine.space import fleet_of, printing_times
@@ -50,11 +50,6 @@ class OrderChoices:
     seam: str = "nearest"  # with freedom "seam"
     objective: str = "travel"  # in mm, or "time" in s
 
-    @property
-    def names_seams(self) -> bool:
-        """Whether a seam policy names one vertex of each loop."""
-        return self.freedom == "seam" and self.seam != "nearest"
-
 
 def first_entries(job: PrintJob, orders: OrderChoices, alone: Toolpath) -> NDArray[np.int32]:
     """Return where each loop is entered while heads plan, (n,).
@@ -63,7 +58,7 @@ def first_entries(job: PrintJob, orders: OrderChoices, alone: Toolpath) -> NDArr
     alone enters the loop, for many neighbours in that order will be neighbours again. Else it
     is as sliced.
     """
-    if orders.names_seams:
+    if orders.freedom == "seam" and orders.seam != "nearest":
         return seam_entries(job.contours, orders.seam).vertices  # type: ignore[arg-type]
     return entries_by_contour([alone], len(job.contours))
 
@@ -138,8 +133,8 @@ def best_entries(
     if orders.freedom == "fixed" or not len(job.contours):
         return best
     chosen = choose_entries(job, machine, graph, best, orders)
-    engine = MakespanEstimate(job, machine, graph, lags)
-    return window_by_window(best, chosen, len(job.contours), engine.makespan)
+    estimate = makespan_estimate(job, machine, graph, lags)
+    return window_by_window(best, chosen, len(job.contours), estimate)
 
 
 def window_by_window(
@@ -154,7 +149,8 @@ def window_by_window(
     """
     best = list(agreed)
     best_s = makespan(best)
-    windows, trials = deque([(0, n)]), _most_trials(n)
+    windows = deque([(0, n)])
+    trials = int(np.clip(500_000 // n, 15, 127))  # each takes time linear in n
     while windows and trials:
         begin, end = windows.popleft()
         tried = _within(best, chosen, begin, end)
@@ -170,37 +166,21 @@ def window_by_window(
     return best
 
 
-def _most_trials(n: int) -> int:
-    """Return how many windows of n contours are tried: each takes time linear in n."""
-    return int(np.clip(500_000 // n, 15, 127))
+def makespan_estimate(
+    job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags
+) -> Callable[[Sequence[Toolpath]], float]:
+    """Return a function that finds makespans of joint orders, by the estimate heads agree by.
 
+    Infinite where heads shut each other in.
+    """
+    fleet, seconds = fleet_of(job, machine), printing_times(job, machine)
 
-class MakespanEstimate:
-    """Makespans of joint orders by the estimate that heads agree by."""
-
-    def __init__(self, job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags) -> None:
-        self._job, self._graph, self._lags = job, graph, lags
-        self._fleet = fleet_of(job, machine)
-        self._seconds = printing_times(job, machine)
-        self._in_pieces = machine.release == "point"
-
-    def makespan(self, toolpaths: Sequence[Toolpath]) -> float:
-        """Return the makespan; infinite where heads shut each other in."""
-        n = len(self._job.contours)
-        is_reversed = np.zeros(n, np.bool_)
-        for path in toolpaths:
-            is_reversed[path.order] = path.reversed
-        running = enter_at(self._job.contours, entries_by_contour(toolpaths, n))
-        visits = visits_of(
-            running,
-            self._graph,
-            self._seconds,
-            is_reversed,
-            in_pieces=self._in_pieces,
-            lags=self._lags,
-        )
-        units, verdict = carry_out(sequences_of(toolpaths), visits, self._fleet)
+    def makespan(toolpaths: Sequence[Toolpath]) -> float:
+        _, visits = visits_along(job, graph, machine, seconds, toolpaths, lags)
+        units, verdict = carry_out(sequences_of(toolpaths), visits, fleet)
         return float(units.end[: units.used[0]].max(initial=0.0)) if verdict == OK else np.inf
+
+    return makespan
 
 
 def _within(

@@ -23,21 +23,20 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
-from decmcts.print.lags_kernels import Lags, no_lags
-from decmcts.print.loops import enter_at
+from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
-from decmcts.print.toolpath import Toolpath, entries_by_contour
+from decmcts.print.toolpath import Toolpath
 from decmcts.print.walls import walls_for
 from decmcts.team.engine.alone import hand_over
 from decmcts.team.engine.joint_kernels import UNIT_PARK, UNIT_PRINT
-from decmcts.team.engine.order import order_of_job, require_complete
-from decmcts.team.engine.space import build_space, fleet_of
-from decmcts.team.engine.waits_kernels import AT_END, UnitOrder
+from decmcts.team.engine.order import order_units, require_complete, visits_along
+from decmcts.team.engine.space import build_space, fleet_of, printing_times
+from decmcts.team.engine.waits_kernels import AT_END, UnitOrder, let_cool
 from decmcts.team.schedule.standing import with_stops
 from decmcts.team.schedule.timing import ActionTimes, action_times
 from decmcts.team.schedule.travels import Paths, unit_travels
-from decmcts.team.schedule.waits import find_rests, with_rests
+from decmcts.team.schedule.waits import LEAST_WAIT_S, STEP_S, with_rests
 
 
 def schedule(
@@ -53,8 +52,6 @@ def schedule(
 
     Parameters
     ----------
-    job, machine, graph
-        The print, the printer and the dependency graph for it.
     toolpaths : Sequence[Toolpath]
         One per head of the machine, in the machine's order; together every
         contour once. A head may get none. If all but one get none, that one is
@@ -65,31 +62,24 @@ def schedule(
     detours : Detours | None
         The paths of a single head's travels round outer walls. None: they go straight.
 
-    Returns
-    -------
-    JointPlan
-        Satisfies J1-J5 of docs/definitions.md.
-
     Raises
     ------
     InputError
         A contour is missing, doubled, out of every head's reach or given to a
         head that can not print it, or the sequences contradict the precedence.
     """
-    space = build_space(job, machine)
-    toolpaths = hand_over(toolpaths, space.eligible)
-    require_complete(job, machine, space, toolpaths)
-    entry = entries_by_contour(toolpaths, len(job.contours))
-    entered = enter_at(job.contours, entry)
-    fleet = fleet_of(job, machine)
-    cooling = no_lags(len(job.contours)) if lags is None else lags
-    order = order_of_job(job, graph, machine, fleet, entered, toolpaths, cooling)
+    eligible = build_space(job, machine).eligible
+    toolpaths = hand_over(toolpaths, eligible)
+    require_complete(job, machine, eligible, toolpaths)
+    seconds = printing_times(job, machine)
+    entered, visits = visits_along(job, graph, machine, seconds, toolpaths, lags)
+    order = order_units(visits, fleet_of(job, machine), machine, toolpaths)
     running = replace(job, contours=entered, acceleration=None)
-    travels = unit_travels(running, machine, order, space, walls_for(job), detours)
-    return join_actions(job, machine, order, entered, travels, toolpaths, cooling)
+    travels = unit_travels(running, machine, order, walls_for(job), detours)
+    return _join_actions(job, machine, order, entered, travels, toolpaths, visits.lags)
 
 
-def join_actions(
+def _join_actions(
     job: PrintJob,
     machine: Machine,
     order: UnitOrder,
@@ -100,8 +90,8 @@ def join_actions(
 ) -> JointPlan:
     """Return the joint plan of these units.
 
-    `entered` are the contours as their toolpaths enter them, `travels` the paths of units that
-    do not print. Where something must cool the head rests where it is to print, until it may.
+    `travels` are the paths of units that do not print. Where something must cool the head rests
+    where it is to print, until it may.
     """
     mine_of = [order.of_head(r) for r in range(len(machine.heads))]
     all_actions = [
@@ -118,7 +108,8 @@ def join_actions(
     seconds = np.zeros(len(order.head))
     for rows, timed in zip(mine_of, times, strict=True):
         seconds[rows] = timed.seconds
-    begin, rests = find_rests(order, _passing(order, times), seconds, lags)
+    passing = _passing(order, times)
+    begin, rests = let_cool(order, passing, seconds, lags, LEAST_WAIT_S, STEP_S)
     plan = JointPlan(
         tuple(
             replace(actions, begin_s=begin[rows], end_s=begin[rows] + seconds[rows])

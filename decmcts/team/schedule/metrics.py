@@ -35,41 +35,31 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> Metrics:
     while it prints, travels (to its park, too) or rests for plastic to cool. Of a print with
     several tools, `tool_changes` counts how often a head changes them.
     """
-    printed, bare, emitted = [], 0.0, 0.0
-    busy, prints, travels, waits = [], [], [], []
-    for actions in plan.heads:
-        toolpath = head_toolpath(actions)
-        lengths = path_lengths(actions)
-        printing = actions.kind == ActionKind.PRINT
-        printed.append(len(toolpath))
-        bare += extrusionless_travel(job.contours, toolpath)
-        emitted += float(lengths[~printing].sum())
-        seconds = actions.end_s - actions.begin_s
-        busy.append(float(seconds.sum()))
-        moving = (actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK)
-        prints.append(float(seconds[printing].sum()))
-        travels.append(float(seconds[moving].sum()))
-        waits.append(seconds[actions.kind == ActionKind.WAIT])
+    heads, toolpaths = plan.heads, [head_toolpath(actions) for actions in plan.heads]
+
+    def seconds_of(*kinds: ActionKind) -> list[float]:
+        taken = [(head.end_s - head.begin_s)[np.isin(head.kind, kinds)] for head in heads]
+        return [float(seconds.sum()) for seconds in taken]
+
     found: Metrics = {
-        "contours": sum(printed),
-        "contours_per_head": printed,
-        "extrusionless_travel_mm": bare,
-        "emitted_travel_mm": emitted,
+        "contours": sum(map(len, toolpaths)),
+        "contours_per_head": [len(toolpath) for toolpath in toolpaths],
+        "extrusionless_travel_mm": sum(
+            extrusionless_travel(job.contours, path) for path in toolpaths
+        ),
+        "emitted_travel_mm": sum(
+            float(path_lengths(head)[head.kind != ActionKind.PRINT].sum()) for head in heads
+        ),
         "print_time_s": plan.makespan_s,
         "makespan_s": plan.makespan_s,
-        "busy_s_per_head": busy,
-        "printing_s_per_head": prints,
-        "travelling_s_per_head": travels,
-        "waits": sum(map(len, waits)),
-        "waits_s": float(sum(w.sum() for w in waits)),
-        "cross_head_waits": sum(len(actions.after_head) for actions in plan.heads),
+        "busy_s_per_head": seconds_of(*ActionKind),
+        "printing_s_per_head": seconds_of(ActionKind.PRINT),
+        "travelling_s_per_head": seconds_of(ActionKind.TRAVEL, ActionKind.PARK),
+        "waits": sum(int((head.kind == ActionKind.WAIT).sum()) for head in heads),
+        "waits_s": sum(seconds_of(ActionKind.WAIT)),
+        "cross_head_waits": sum(len(head.after_head) for head in heads),
     }
     if len(np.unique(job.contours.tool)) > 1:
-        found["tool_changes"] = _changes(job, plan)
+        tools = (job.contours.tool[toolpath.order] for toolpath in toolpaths)
+        found["tool_changes"] = sum(int(np.count_nonzero(np.diff(row))) for row in tools)
     return found
-
-
-def _changes(job: PrintJob, plan: JointPlan) -> int:
-    """Return how often heads change tools from contour to contour."""
-    tools = (job.contours.tool[head_toolpath(actions).order] for actions in plan.heads)
-    return sum(int(np.count_nonzero(np.diff(row))) for row in tools)

@@ -68,7 +68,7 @@ def action_times(
     entries[contour[contour >= 0]] = entry[contour >= 0]
     run, first = rotated(c, entries)
     segments = ContourSegments(first, run.extrusion, run.feed, row[run.rows])
-    kinds = _kinds(job, contour)
+    kinds = kinds_of(job, contour)
     moves = write_moves(path, offsets, contour, is_reversed, retracts, segments, habits, kinds)
     m = int(moves.used[0])
     action = moves.action[:m]
@@ -84,26 +84,19 @@ def action_times(
     )
 
 
-def _kinds(job: PrintJob, contour: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return for each action which of `ProcessSettings.each` it is made with, (k,).
+def kinds_of(job: PrintJob, contour: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return for each action of a head which of `ProcessSettings.each` it is made with, (k,).
 
-    A travel is made with the tool that prints next.
+    A travel is made with the tool that prints next. `contour` (k,) is below 0 for travels.
     """
-    kinds = np.zeros(len(contour), np.int64)
     printing = np.flatnonzero(contour >= 0)
     if not job.settings.of_tools or not len(printing):
-        return kinds
-    of_contour = kinds_of_tools(job)
-    ahead = np.minimum(np.searchsorted(printing, np.arange(len(contour))), len(printing) - 1)
-    return np.asarray(of_contour[contour[printing[ahead]]])
-
-
-def kinds_of_tools(job: PrintJob) -> NDArray[np.int64]:
-    """Return which of `ProcessSettings.each` each contour is printed with, (n,)."""
-    kinds = np.zeros(len(job.contours), np.int64)
+        return np.zeros(len(contour), np.int64)
+    of_contour = np.zeros(len(job.contours), np.int64)
     for k, (tool, _) in enumerate(job.settings.of_tools, 1):
-        kinds[job.contours.tool == tool] = k
-    return kinds
+        of_contour[job.contours.tool == tool] = k
+    ahead = np.minimum(np.searchsorted(printing, np.arange(len(contour))), len(printing) - 1)
+    return of_contour[contour[printing[ahead]]]
 
 
 def habit_of(settings: ProcessSettings, limits: MotionLimits) -> Habit:

@@ -20,7 +20,6 @@ from decmcts.print.machine import Machine
 from decmcts.print.walls import bare_pairs, retracted_paths
 from decmcts.print.walls_kernels import Walls
 from decmcts.team.engine.joint_kernels import UNIT_PRINT
-from decmcts.team.engine.space import Workspaces
 from decmcts.team.engine.waits_kernels import UnitOrder
 from decmcts.team.schedule.routes_kernels import (
     EMPTY,
@@ -30,7 +29,7 @@ from decmcts.team.schedule.routes_kernels import (
     deposit,
     travel_levels,
 )
-from decmcts.team.schedule.timing import kinds_of_tools
+from decmcts.team.schedule.timing import kinds_of
 
 
 class Paths(NamedTuple):
@@ -41,12 +40,7 @@ class Paths(NamedTuple):
 
 
 def unit_travels(
-    job: PrintJob,
-    machine: Machine,
-    order: UnitOrder,
-    space: Workspaces,
-    walls: Walls,
-    detours: Detours | None = None,
+    job: PrintJob, machine: Machine, order: UnitOrder, walls: Walls, detours: Detours | None
 ) -> Paths:
     """Return the path of each unit as if all were travels.
 
@@ -55,7 +49,7 @@ def unit_travels(
     With `detours` those of one head go round outer walls; several reserve the space of
     straight travels. What is `printed` already is cleared by all of them.
     """
-    starts, goals = _starts(order, space), order.target.copy()
+    starts, goals = _starts(order, machine), order.target.copy()
     level = np.zeros(len(order.head))  # units that print keep it
     beads = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     alone = detours if len(machine.heads) == 1 else None
@@ -111,26 +105,20 @@ def _hops(
 def _hop_of(job: PrintJob, order: UnitOrder) -> NDArray[np.float64]:
     """Return how far the source lifts each unit with the tool its head prints with next, (m,)."""
     each = np.array([settings.hop_mm for settings in job.settings.each()])
-    hops = np.full(len(order.head), each[0])
-    if len(each) == 1:
-        return hops
-    kinds = kinds_of_tools(job)
+    hops = np.empty(len(order.head))
     for r in range(len(order.counts)):
         mine = order.of_head(r)
-        printed = np.flatnonzero(order.contour[mine] >= 0)
-        if len(printed):
-            ahead = np.minimum(np.searchsorted(printed, np.arange(len(mine))), len(printed) - 1)
-            hops[mine] = each[kinds[order.contour[mine[printed[ahead]]]]]
+        hops[mine] = each[kinds_of(job, order.contour[mine])]
     return hops
 
 
-def _starts(order: UnitOrder, space: Workspaces) -> NDArray[np.float64]:
+def _starts(order: UnitOrder, machine: Machine) -> NDArray[np.float64]:
     """Return where the head stands before each unit, (m, 3)."""
     starts = np.empty_like(order.target)
-    for r in range(len(order.counts)):
+    for r, head in enumerate(machine.heads):
         mine = order.of_head(r)
         starts[mine[1:]] = order.target[mine[:-1]]
-        starts[mine[:1]] = space.parks[r]
+        starts[mine[:1]] = head.park
     return starts
 
 
@@ -141,22 +129,24 @@ def _paths(
     level: NDArray[np.float64],
 ) -> Paths:
     """Return start, above start, bends, above goal, goal, without corners that do not move."""
-    straight = _straight(starts, goals, level)
-    bent = np.flatnonzero(np.diff(bends.offsets)).tolist()
-    if not bent:
-        return straight
-    paths = np.split(straight.points, straight.offsets[1:-1])
-    for m in bent:
-        corners_of = bends.points[bends.offsets[m] : bends.offsets[m + 1]]
-        over = np.column_stack([corners_of, np.full(len(corners_of), level[m])])
-        ends = np.array([starts[m], goals[m]])
-        above = ends.copy()
-        above[:, 2] = level[m]
-        corners = np.concatenate([ends[:1], above[:1], over, above[1:], ends[1:]])
-        moves = np.concatenate([[True], (np.diff(corners, axis=0) != 0.0).any(axis=1)])
-        paths[m] = corners[moves]
-    counts = np.array([len(path) for path in paths], np.int64)
-    return Paths(np.concatenate(paths), np.concatenate([[0], np.cumsum(counts)]))
+    bent = np.diff(bends.offsets)
+    unit = np.repeat(np.arange(len(starts)), 4 + bent)
+    first = np.cumsum(4 + bent) - (4 + bent)
+    last = first + 3 + bent
+    corners = np.empty((len(unit), 3))
+    corners[first], corners[first + 1] = starts, starts
+    corners[last - 1], corners[last] = goals, goals
+    on_bend = np.ones(len(unit), np.bool_)
+    on_bend[[first, first + 1, last - 1, last]] = False
+    corners[on_bend, :2] = bends.points
+    across = (starts[:, :2] != goals[:, :2]).any(axis=1) | (bent > 0)
+    lifted = across[unit]
+    lifted[[first, last]] = False
+    corners[lifted, 2] = level[unit[lifted]]
+    keep = np.concatenate([[True], (np.diff(corners, axis=0) != 0.0).any(axis=1)])[: len(unit)]
+    keep[first] = True
+    counts = np.bincount(unit[keep], minlength=len(starts))
+    return Paths(corners[keep], np.concatenate([[0], np.cumsum(counts)]))
 
 
 def _of(bends: Bends, units: NDArray[np.int64]) -> Bends:
@@ -181,19 +171,6 @@ def _bends(
         points, offsets = detours.bends(starts[travels], goals[travels])
         counts[travels] = np.diff(offsets)  # units are numbered as their travels are
     return Bends(points, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))
-
-
-def _straight(
-    starts: NDArray[np.float64], goals: NDArray[np.float64], level: NDArray[np.float64]
-) -> Paths:
-    """Return start, above start, above goal, goal, without corners that do not move."""
-    across = (starts[:, :2] != goals[:, :2]).any(axis=1)
-    over = np.stack([starts, starts, goals, goals], axis=1)
-    over[:, 1, 2] = np.where(across, level, starts[:, 2])
-    over[:, 2, 2] = np.where(across, level, goals[:, 2])
-    keep = np.ones((len(over), 4), np.bool_)
-    keep[:, 1:] = (np.diff(over, axis=1) != 0.0).any(axis=2)
-    return Paths(over[keep], np.concatenate([[0], np.cumsum(keep.sum(axis=1))]))
 
 
 CELL_MM = 0.5

@@ -13,7 +13,7 @@ is missing, at the place where it is to print.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
 from decmcts.print.motion import path_time, travel_feed
 from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions, JointPlan
-from decmcts.team.engine.waits_kernels import Rests, UnitOrder, let_cool
+from decmcts.team.engine.waits_kernels import Rests, UnitOrder
 from decmcts.team.schedule.timing import action_times
 
 LIFT_MM = 2.0  # off the print while it cools
@@ -116,7 +116,7 @@ def _waiting(
     """Yield the path to a contour with a wait of `wait_s` in it, high above where it begins."""
     path = np.concatenate([t.path for t in travels] or [to.path[:1]])
     start, k = path[0], to.action
-    rises = _rises(path)
+    rises = len(path) > 1 and (path[1, :2] == start[:2]).all() and path[1, 2] >= start[2]
     up = start.copy()
     up[2] = max(start[2], min(start[2] + LIFT_MM, machine.heads[0].reach_max[2]))
     if rises:
@@ -134,18 +134,13 @@ def _waiting(
     yield _NewAction(ActionKind.TRAVEL, k, rest, onward)
 
 
-def _rises(path: NDArray[np.float64]) -> bool:
-    """Whether a path begins straight upwards."""
-    return len(path) > 1 and bool((path[1, :2] == path[0, :2]).all() and path[1, 2] >= path[0, 2])
-
-
 def _actions(old: HeadActions, rows: list[_NewAction]) -> HeadActions:
     kind = np.array([row.kind for row in rows], np.int8)
     was = np.array([row.action for row in rows], np.int64)
     printing = kind == ActionKind.PRINT
     end = np.cumsum([row.seconds for row in rows])
-    return HeadActions(
-        head=old.head,
+    return replace(
+        old,
         kind=kind,
         contour=np.where(printing, old.contour[was], NO_CONTOUR).astype(np.int32),
         reversed=printing & old.reversed[was],
@@ -154,25 +149,8 @@ def _actions(old: HeadActions, rows: list[_NewAction]) -> HeadActions:
         path=np.concatenate([row.path for row in rows]),
         begin_s=np.concatenate([[0.0], end[:-1]]),
         end_s=end,
-        after_offsets=np.zeros(len(rows) + 1, np.int64),
-        after_head=np.empty(0, np.int32),
-        after_action=np.empty(0, np.int32),
-        after_point=np.empty(0, np.int32),
-        after_lag_s=np.empty(0),
+        after_offsets=np.zeros(len(rows) + 1, np.int64),  # one head waits for no other
     )
-
-
-def find_rests(
-    order: UnitOrder, passing: NDArray[np.float64], seconds: NDArray[np.float64], lags: Lags
-) -> tuple[NDArray[np.float64], Rests]:
-    """Return when each unit begins, and where heads rest so that what is below can cool."""
-    place = np.empty(len(lags.offsets) - 1, np.int64)
-    printing = np.flatnonzero(order.contour >= 0)
-    place[order.contour[printing]] = printing
-    found: tuple[NDArray[np.float64], Rests] = let_cool(
-        order, passing, seconds, place, lags, LEAST_WAIT_S, STEP_S
-    )
-    return found
 
 
 def with_rests(plan: JointPlan, order: UnitOrder, rests: Rests) -> JointPlan:

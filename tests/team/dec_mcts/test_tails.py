@@ -23,9 +23,9 @@ def _told(case: Callable[..., Any], seed: int) -> tuple[TeamProblem, Polish]:
     plans = {r: encode(seed, problem.n_macros) for r in range(2)}
     polish = Polish(problem, StatedOrder.of(resolve(problem, plans, [0, 1]).toolpaths), seed=1)
     n = len(problem.macro)
-    args = (problem.visits, problem.fleet, polish._units, polish._heads, polish._marks)
-    assert replay(n, polish._joint, *args)
-    find_tails(problem.visits, problem.fleet, polish._units, polish._marks)
+    joint, visits, fleet, units, heads, marks = polish._engine
+    assert replay(n, joint, visits, fleet, units, heads, marks)
+    find_tails(visits, fleet, units, marks)
     return problem, polish
 
 

@@ -22,8 +22,8 @@ from decmcts.team.engine.carry_out_kernels import eligible_heads
 from decmcts.team.engine.joint_kernels import Visits
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.engine.space import body_boxes, build_space, fleet_of, relation_of, whole_pieces
-from decmcts.team.engine.spaces_kernels import cut_pieces, meet
+from decmcts.team.engine.space import body_boxes, build_space, fleet_of, whole_pieces
+from decmcts.team.engine.spaces_kernels import cut_pieces, too_near
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
@@ -41,8 +41,7 @@ def loose(case: Callable[..., Any]) -> Machine:
 
 def near(machine: Machine, a: np.ndarray, b: np.ndarray, r: int = 0, s: int = 1) -> bool:
     """Whether head r in space a and head s in space b could meet."""
-    relation = relation_of(machine, r, s)
-    return bool(meet(a, b, relation, 0, len(relation)))
+    return bool(too_near(a, b, r, s, fleet_of(smallest_job(), machine)))
 
 
 @pytest.mark.parametrize("seed", range(5))

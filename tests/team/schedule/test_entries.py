@@ -24,12 +24,12 @@ from decmcts.search.sequence.problem import Pace
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.entries import (
-    MakespanEstimate,
     OrderChoices,
     agreed_job,
     best_entries,
     choose_entries,
     first_entries,
+    makespan_estimate,
     window_by_window,
     with_entries,
 )
@@ -126,10 +126,10 @@ def test_other_entries_are_kept_where_the_print_ends_sooner(
     for seed in SEEDS:
         case = seamy(seed)
         paths, none = agreed(case), no_lags(len(case.job.contours))
-        timed = MakespanEstimate(case.job, case.machine, case.graph, none)
+        makespan = makespan_estimate(case.job, case.machine, case.graph, none)
         found = best_entries(case.job, case.machine, case.graph, paths, OrderChoices(freedom), none)
         assert [path.order.tolist() for path in found] == [path.order.tolist() for path in paths]
-        before, after = timed.makespan(paths), timed.makespan(found)
+        before, after = makespan(paths), makespan(found)
         assert after <= before
         sooner += after < before
         if after < before:
