@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.loops import allowed_entries, exits_of, movable
-from decmcts.print.seam_kernels import EnteredLoops, align, rearmost, sharpest, spread
+from decmcts.print.seam_kernels import EnteredLoops, align, sharpest, spread
 
 SeamPolicy = Literal["nearest", "aligned", "rear", "corner"]
 MOST_ENTRIES = 32  # of one contour
@@ -89,8 +89,10 @@ def _one_each(contours: Contours, loops: EnteredLoops, policy: SeamPolicy) -> ND
     """Return the one vertex a policy names for each contour, (n,)."""
     vertices = np.zeros(len(contours), np.int32)
     if policy == "rear":
-        rearmost(loops, vertices)
-        return vertices
+        owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+        y = np.where(loops.allowed, contours.points[:, 1], -np.inf)
+        first = contours.offsets[:-1]  # of each contour, here and in the sorted rows
+        return (np.lexsort((-y, owner))[first] - first).astype(np.int32)
     sharpest(loops, contours.width, vertices)
     if policy == "aligned" and len(contours):
         order = np.argsort(contours.layer, kind="stable").astype(np.int64)

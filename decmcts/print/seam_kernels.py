@@ -60,18 +60,6 @@ def turn_at(points: NDArray[np.float64], first: int, last: int, at: int, arm_mm:
 
 
 @kernel
-def rearmost(loops: EnteredLoops, out: NDArray[np.int32]) -> None:
-    """Write the allowed vertex with the largest y of each contour; mutates `out` (n,)."""
-    points, offsets, allowed = loops
-    for c in range(len(out)):
-        best = offsets[c]
-        for row in range(offsets[c], offsets[c + 1]):
-            if allowed[row] and points[row, 1] > points[best, 1]:
-                best = row
-        out[c] = best - offsets[c]
-
-
-@kernel
 def sharpest(loops: EnteredLoops, width: NDArray[np.float64], out: NDArray[np.int32]) -> None:
     """Write each contour's sharpest allowed corner, one to the right first; mutates `out` (n,).
 
