@@ -104,7 +104,8 @@ def _by_type(metric: Any, array: Any, timed: Any, matrix: Any = None) -> Any:
     """Return the formula for a metric of a type that numba knows; None: there is none."""
     if isinstance(metric, types.Array):
         return array
-    return {Timed: timed, Matrix: matrix}.get(getattr(metric, "instance_class", None))
+    kind: Any = getattr(metric, "instance_class", None)
+    return {Timed: timed, Matrix: matrix}.get(kind)
 
 
 @register_jitable
