@@ -20,13 +20,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.feasibility.clearance_kernels import Centrelines, PackedHead
+from decmcts.feasibility.clearance_kernels import Centrelines
 from decmcts.feasibility.closure_kernels import (
     NO_EDGE,
     WORD,
     ClosureRules,
     Edges,
-    Words,
     close,
     walk_columns,
 )
@@ -127,13 +126,6 @@ def _build(
         touching,
         bool(touching.any()),
     )
-    return _graph_of(_walk(beads, rules, words, head, rows_bytes))
-
-
-def _walk(
-    beads: Centrelines, rules: ClosureRules, words: Words, head: PackedHead, rows_bytes: int
-) -> Edges:
-    n, n_words = len(beads.radius), len(words.boxes)
     edges = Edges(
         np.full(n, NO_EDGE, np.int64),
         np.empty(4 * n, np.int64),
@@ -141,12 +133,13 @@ def _walk(
         np.empty(4 * n, np.uint8),
         np.zeros(1, np.int64),
     )
+    n_words = len(words.boxes)
     columns = max(1, min(n_words, rows_bytes // (8 * n)))
     for last in range(n_words, 0, -columns):
         first = max(0, last - columns)
         rows = np.empty((n - first * WORD, last - first), np.uint64)
         edges = walk_columns(rows, first * WORD, beads, rules, words, head, edges)
-    return edges
+    return _graph_of(edges)
 
 
 def _graph_of(edges: Edges) -> DependencyGraph:

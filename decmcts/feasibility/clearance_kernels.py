@@ -43,41 +43,6 @@ class Centrelines(NamedTuple):
 
 
 @kernel
-def box_points(
-    points: NDArray[np.float64], first: int, last: int, box: NDArray[np.float64]
-) -> None:
-    """Write into `box` the bounds of points[first:last]."""
-    for axis in range(3):
-        low = points[first, axis]
-        high = low
-        for i in range(first + 1, last):
-            low = min(low, points[i, axis])
-            high = max(high, points[i, axis])
-        if axis < 2:
-            box[axis] = low
-            box[axis + 2] = high
-        else:
-            box[4] = low
-            box[5] = high
-
-
-@kernel
-def fill_boxes(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    boxes: NDArray[np.float64],
-    chunk_offsets: NDArray[np.int64],
-    chunk_boxes: NDArray[np.float64],
-) -> None:
-    """Write the bounds of each contour and of each chunk of its segments."""
-    for i in range(len(offsets) - 1):
-        box_points(points, offsets[i], offsets[i + 1], boxes[i])
-        for chunk in range(chunk_offsets[i], chunk_offsets[i + 1]):
-            first = offsets[i] + (chunk - chunk_offsets[i]) * CHUNK
-            box_points(points, first, min(first + CHUNK + 1, offsets[i + 1]), chunk_boxes[chunk])
-
-
-@kernel
 def box_reaches(
     material: NDArray[np.float64],
     i: int,

@@ -22,7 +22,6 @@ from decmcts.feasibility.clearance_kernels import (
     Z_EPS,
     Centrelines,
     PackedHead,
-    box_points,
     contact_depth,
     point_segment2,
 )
@@ -74,18 +73,6 @@ class Scratch(NamedTuple):
     contours: NDArray[np.uint64]  # (WORD,) of `mark_contours`
     source: NDArray[np.int32]  # (n,) a of the edges into one contour
     kind: NDArray[np.uint8]  # (n,)
-
-
-@kernel
-def bound_words(beads: Centrelines, layer: NDArray[np.int32], words: Words) -> None:
-    """Write into `words` the bounds of each run of 64 contours."""
-    n = len(beads.radius)
-    for w in range(len(words.boxes)):
-        first = w * WORD
-        last = min(n, first + WORD)
-        box_points(beads.points, beads.offsets[first], beads.offsets[last], words.boxes[w])
-        words.layers[w, 0] = layer[first:last].min()
-        words.layers[w, 1] = layer[first:last].max()
 
 
 @kernel

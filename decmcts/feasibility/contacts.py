@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.feasibility import contacts_kernels as kernels
 from decmcts.feasibility.clearance_kernels import Centrelines, PackedHead
-from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words, bound_words
-from decmcts.feasibility.packed_head import pack_contours, pack_heads
+from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words
+from decmcts.feasibility.packed_head import boxes_of_runs, pack_contours, pack_heads
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Head, Machine
 
@@ -125,10 +125,9 @@ def nozzle_mm(heads: Sequence[Head]) -> float:
 
 def words_of(contours: Contours, beads: Centrelines) -> Words:
     """Return the bounds of each run of 64 contours."""
-    count = -(-len(contours) // WORD)
-    words = Words(np.empty((count, 6)), np.empty((count, 2), np.int32))
-    bound_words(beads, contours.layer, words)
-    return words
+    starts = np.arange(0, len(contours), WORD)
+    layers = [each.reduceat(contours.layer, starts) for each in (np.minimum, np.maximum)]
+    return Words(boxes_of_runs(beads.boxes, starts), np.stack(layers, axis=1))
 
 
 def _collision(contours: Contours, head: PackedHead, a: int, b: int, k: int) -> CollisionError:

@@ -11,11 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.feasibility.clearance_kernels import CHUNK, Centrelines, PackedHead, fill_boxes
+from decmcts.feasibility.clearance_kernels import CHUNK, Centrelines, PackedHead
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 
 CENTRELINE_MM = 0.003  # half width of a centreline: the rounding of a file, twice
+LOW, HIGH = [0, 1, 4], [2, 3, 5]  # columns of a box, see `Centrelines`
 TOUCH_EPS = 1e-9  # mm, exactly touching counts as blocked in spite of rounding
 
 
@@ -59,16 +60,35 @@ def pack_contours(
     Without `bead_width` material is the centreline (the paper's model), plus a hair
     so that coordinates rounded in a file stay clear.
     """
-    offsets = np.ascontiguousarray(contours.offsets, np.int64)
-    points = np.ascontiguousarray(contours.points, np.float64)
+    half = contours.width / 2 if bead_width else np.full(len(contours), CENTRELINE_MM)
+    return boxed(contours.points, contours.offsets, clearance_mm + half + TOUCH_EPS)
+
+
+def boxed(
+    points: NDArray[np.float64], offsets: NDArray[np.int64], radius: NDArray[np.float64]
+) -> Centrelines:
+    """Return polylines points[offsets[i]:offsets[i + 1]] with their boxes."""
+    offsets = np.ascontiguousarray(offsets, np.int64)
+    points = np.ascontiguousarray(points, np.float64)
     chunks = -(-(np.diff(offsets) - 1) // CHUNK)
     chunk_offsets = np.concatenate([[0], np.cumsum(chunks)]).astype(np.int64)
-    boxes = np.empty((len(contours), 6))
-    chunk_boxes = np.empty((int(chunk_offsets[-1]), 6))
-    fill_boxes(points, offsets, boxes, chunk_offsets, chunk_boxes)
-    half = contours.width / 2 if bead_width else np.full(len(contours), CENTRELINE_MM)
-    radius = clearance_mm + half + TOUCH_EPS
+    place = np.arange(chunk_offsets[-1]) - np.repeat(chunk_offsets[:-1], chunks)
+    segments = np.empty((max(len(points) - 1, 0), 6))
+    segments[:, LOW] = np.minimum(points[:-1], points[1:])
+    segments[:, HIGH] = np.maximum(points[:-1], points[1:])
+    between = offsets[1:-1] - 1  # what leads from one polyline to the next is no segment
+    segments[between[:, None], LOW], segments[between[:, None], HIGH] = np.inf, -np.inf
+    chunk_boxes = boxes_of_runs(segments, np.repeat(offsets[:-1], chunks) + CHUNK * place)
+    boxes = boxes_of_runs(chunk_boxes, chunk_offsets[:-1])
     return Centrelines(points, offsets, radius, boxes, chunk_offsets, chunk_boxes)
+
+
+def boxes_of_runs(boxes: NDArray[np.float64], starts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the box around each run of boxes, (k, 6); run i begins at starts[i]."""
+    around = np.empty((len(starts), 6))
+    around[:, LOW] = np.minimum.reduceat(boxes[:, LOW], starts)
+    around[:, HIGH] = np.maximum.reduceat(boxes[:, HIGH], starts)
+    return around
 
 
 def _edges(polygon: NDArray[np.float64]) -> NDArray[np.float64]:

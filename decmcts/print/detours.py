@@ -59,12 +59,14 @@ class Detours:
         counts = np.zeros(len(starts), np.int64)
         bends = np.empty((0, 2))
         if self.price > 0.0 and has_walls(self.walls) and len(starts):
-            mean = len(self.loops.points) // max(1, len(self.loops.first) - 1)
-            longest = 4 * max(mean, _most_points(self.loops)) + 2 * MOST_BENDS
+            loops = self.loops
+            mean = len(loops.points) // max(1, len(loops.first) - 1)
+            most = int(np.diff(loops.offsets[loops.first]).max(initial=0))
+            longest = 4 * max(mean, most) + 2 * MOST_BENDS
             start, goal = (np.ascontiguousarray(p, np.float64) for p in (starts, goals))
             far = np.flatnonzero(np.hypot(*(goal - start)[:, :2].T) >= self.least_mm)
             led = np.zeros(len(far), np.int64)
-            bends = detours(self.walls, self.loops, self.price, start[far], goal[far], led, longest)
+            bends = detours(self.walls, loops, self.price, start[far], goal[far], led, longest)
             bends, counts[far] = self._within_reach(bends, led)
         return bends, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
@@ -116,10 +118,6 @@ def over_walls_mm(
     end[last, :2] = bends
     across = np.hypot(*(end - begin)[:, :2].T)
     return float(across[over_walls(walls, begin, end)].sum())
-
-
-def _most_points(loops: Loops) -> int:
-    return int(np.diff(loops.offsets[loops.first]).max(initial=0))
 
 
 def wall_loops(contours: Contours, walls: Walls) -> Loops:

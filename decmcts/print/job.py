@@ -32,7 +32,7 @@ class Retraction:
 
 
 @dataclass(frozen=True, slots=True)
-class ProcessSettings:
+class ProcessSettings(Retraction):
     """Retraction, lift and travel as the source does them.
 
     Where the tools of a source retract differently, the fields of `Retraction` here are those of
@@ -41,17 +41,9 @@ class ProcessSettings:
     """
 
     travel_feed: float = 0.0  # mm/s; 0: take the machine's
-    retract_mm: float = 0.0  # filament, 0: the source never retracts
-    retract_feed: float = 40.0  # mm/s
-    unretract_feed: float = 40.0  # mm/s
     retract_min_travel_mm: float = 2.0  # shorter travels are not retracted
     bare_inside_mm: float = 0.0  # nor are longer ones up to this inside the part; 0: they are
     bare_climb_mm: float = 0.0  # which may climb so far to the next layer; 0: level ones only
-    hop_mm: float = 0.0  # lift of the source's retracted travels
-    firmware_retraction: bool = False  # G10/G11 instead of E moves
-    wipe_mm: float = 0.0  # length of the wipe while retracting, 0: none
-    wipe_filament_mm: float = 0.0  # retracted during it
-    wipe_feed: float = 0.0  # mm/s
     z_feed: float = 0.0  # mm/s of moves in Z alone; 0: as travel
     travel_acceleration: float = 0.0  # mm/s²; 0: take the machine's
     min_layer_time_s: float = 0.0  # the slicer slows layers down to this; 0: it does not

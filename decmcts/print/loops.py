@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from decmcts.print.contours import Contours, Role
 from decmcts.print.loops_kernels import (
     SLIVER_MM,
+    Polylines,
     Rotated,
     entries_allowed,
     exit_points,
@@ -55,9 +56,7 @@ def allowed_entries(contours: Contours) -> NDArray[np.bool_]:
     The first point of a contour always may: that is as sliced.
     """
     allowed = np.zeros(len(contours.points), np.bool_)
-    entries_allowed(
-        contours.points, contours.extrusion, contours.offsets, movable(contours), allowed
-    )
+    entries_allowed(_lines(contours), movable(contours), allowed)
     return allowed
 
 
@@ -83,10 +82,7 @@ def rotated(contours: Contours, entry: NDArray[np.int32]) -> tuple[Rotated, NDAr
     """Return the arrays of `enter_at` with the source row of each segment, and the offsets."""
     room = len(contours.points) + int((entry > 0).sum())
     out, offsets = _room(room), np.empty(len(contours) + 1, np.int64)
-    rotate_loops(
-        contours.points, contours.extrusion, contours.feed, contours.offsets,
-        np.ascontiguousarray(entry, np.int32), out, offsets,
-    )  # fmt: skip
+    rotate_loops(_lines(contours), np.ascontiguousarray(entry, np.int32), out, offsets)
     m = int(offsets[-1])
     return Rotated(out.points[:m], out.extrusion[:m], out.feed[:m], out.rows[:m]), offsets
 
@@ -102,9 +98,7 @@ def traversal(contours: Contours, contour: int, entry: int) -> Rotated:
         rows = np.arange(first, last + 1)
         return Rotated(contours.points[own], contours.extrusion[own], contours.feed[own], rows)
     out = _room(last - first + 2)
-    end = rotate_loop(
-        contours.points, contours.extrusion, contours.feed, first, last, entry, out, 0
-    )
+    end = rotate_loop(_lines(contours), contour, entry, out, 0)
     return Rotated(out.points[:end], out.extrusion[:end], out.feed[:end], out.rows[:end])
 
 
@@ -122,10 +116,8 @@ def exits_of(
 ) -> NDArray[np.float64]:
     """Return where each of these contours ends if it is entered at that vertex, (k, 3)."""
     out = np.empty((len(contour), 3))
-    exit_points(
-        contours.points, contours.extrusion, contours.offsets,
-        np.ascontiguousarray(contour, np.int32), np.ascontiguousarray(vertex, np.int32), out,
-    )  # fmt: skip
+    at = np.ascontiguousarray(vertex, np.int32)
+    exit_points(_lines(contours), np.ascontiguousarray(contour, np.int32), at, out)
     return out
 
 
@@ -147,6 +139,10 @@ def close_gaps(contours: Contours) -> Contours:
         offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         along=None,
     )
+
+
+def _lines(contours: Contours) -> Polylines:
+    return Polylines(contours.points, contours.extrusion, contours.feed, contours.offsets)
 
 
 def _room(rows: int) -> Rotated:

@@ -20,6 +20,15 @@ SLIVER_MM = 2e-3  # shorter pieces are not made: files have three decimals
 STEADY = 0.1  # share by which the filament per mm at the two seams may differ
 
 
+class Polylines(NamedTuple):
+    """A print's contours as sliced, see `decmcts.print.contours.Contours`."""
+
+    points: NDArray[np.float64]  # (n_points, 3) mm
+    extrusion: NDArray[np.float64]  # (n_points,) filament mm of the segment ending here
+    feed: NDArray[np.float64]  # (n_points,) mm/s
+    offsets: NDArray[np.int64]  # (n + 1,)
+
+
 class Rotated(NamedTuple):
     """Contours in their chosen traversal, filled from the front."""
 
@@ -71,20 +80,13 @@ def clip(
 
 
 @kernel
-def rotate_loop(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    feed: NDArray[np.float64],
-    first: int,
-    last: int,
-    entry: int,
-    out: Rotated,
-    at: int,
-) -> int:
-    """Write one contour entered at vertex `entry` from row `at` of `out`; return the row behind it.
+def rotate_loop(lines: Polylines, c: int, entry: int, out: Rotated, at: int) -> int:
+    """Write contour c entered at vertex `entry` from row `at` of `out`; return the row behind it.
 
     Mutates `out`.
     """
+    points, extrusion, feed = lines.points, lines.extrusion, lines.feed
+    first, last = lines.offsets[c], lines.offsets[c + 1] - 1
     start = first + entry
     for row in range(start, last + 1):
         out.points[at] = points[row]
@@ -123,56 +125,44 @@ def exit_of(points: NDArray[np.float64], row: int, share: float) -> NDArray[np.f
 
 @kernel
 def rotate_loops(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    feed: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    entry: NDArray[np.int32],
-    out: Rotated,
-    out_offsets: NDArray[np.int64],
+    lines: Polylines, entry: NDArray[np.int32], out: Rotated, out_offsets: NDArray[np.int64]
 ) -> None:
     """Write every contour entered at its vertex `entry[c]`; mutates `out` and `out_offsets`."""
     at = 0
     for c in range(len(entry)):
         out_offsets[c] = at
-        at = rotate_loop(points, extrusion, feed, offsets[c], offsets[c + 1] - 1, entry[c], out, at)
+        at = rotate_loop(lines, c, entry[c], out, at)
     out_offsets[len(entry)] = at
 
 
 @kernel
 def exit_points(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    offsets: NDArray[np.int64],
+    lines: Polylines,
     contour: NDArray[np.int32],
     vertex: NDArray[np.int32],
     out: NDArray[np.float64],
 ) -> None:
     """Write where each contour ends if entered at that vertex; mutates `out` (k, 3)."""
+    points, offsets = lines.points, lines.offsets
     for i in range(len(contour)):
         first, last = offsets[contour[i]], offsets[contour[i] + 1] - 1
         if vertex[i] == 0:
             out[i] = points[last]
             continue
         gap = gap_of(points, first, last)
-        row, share, _ = clip(points, extrusion, first, first + vertex[i], gap)
+        row, share, _ = clip(points, lines.extrusion, first, first + vertex[i], gap)
         out[i] = exit_of(points, row, share) if share > 0.0 else points[row]
 
 
 @kernel
-def entries_allowed(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    movable: NDArray[np.bool_],
-    out: NDArray[np.bool_],
-) -> None:
+def entries_allowed(lines: Polylines, movable: NDArray[np.bool_], out: NDArray[np.bool_]) -> None:
     """Tell for each row whether its contour may be entered there; mutates `out` (n_points,).
 
     Every contour may be entered as sliced, at its first row. Elsewhere a movable
     one may where the seam really moves (by twice its gap) and where it lays down
     as much filament per mm as at the old seam, which what is saved has to fill.
     """
+    points, extrusion, offsets = lines.points, lines.extrusion, lines.offsets
     for c in range(len(movable)):
         first, last = offsets[c], offsets[c + 1] - 1
         out[first] = True

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.loops import allowed_entries, exits_of, movable
-from decmcts.print.seam_kernels import align, rearmost, sharpest, spread
+from decmcts.print.seam_kernels import EnteredLoops, align, sharpest, spread
 
 SeamPolicy = Literal["nearest", "aligned", "rear", "corner"]
 MOST_ENTRIES = 32  # of one contour
@@ -59,17 +59,17 @@ def seam_entries(contours: Contours, policy: SeamPolicy = "nearest") -> SeamEntr
             f"seam policy is {policy!r}, expected one of {', '.join(get_args(SeamPolicy))}"
         )
     points, offsets = contours.points, contours.offsets
-    allowed = allowed_entries(contours)
+    loops = EnteredLoops(points, offsets, allowed_entries(contours))
     if policy == "nearest":
         chosen = np.zeros(len(points), np.bool_)
-        spread(points, offsets, allowed, contours.width, MOST_ENTRIES, chosen)
+        spread(loops, contours.width, MOST_ENTRIES, chosen)
         rows = np.flatnonzero(chosen)
         owner = np.searchsorted(offsets, rows, side="right") - 1
         counts = np.bincount(owner, minlength=len(contours))
         vertices = rows - offsets[owner]
     else:
         counts = np.ones(len(contours), np.int64)
-        vertices = _one_each(contours, allowed, policy)
+        vertices = _one_each(contours, loops, policy)
     return SeamEntries(
         np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), vertices.astype(np.int32)
     )
@@ -85,24 +85,20 @@ def exit_points(contours: Contours, entries: SeamEntries) -> NDArray[np.float64]
     return exits_of(contours, entries.contour(), entries.vertices)
 
 
-def _one_each(
-    contours: Contours, allowed: NDArray[np.bool_], policy: SeamPolicy
-) -> NDArray[np.int32]:
+def _one_each(contours: Contours, loops: EnteredLoops, policy: SeamPolicy) -> NDArray[np.int32]:
     """Return the one vertex a policy names for each contour, (n,)."""
-    points, offsets = contours.points, contours.offsets
     vertices = np.zeros(len(contours), np.int32)
     if policy == "rear":
-        rearmost(points, offsets, allowed, vertices)
-        return vertices
-    sharpest(points, offsets, allowed, contours.width, vertices)
+        owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+        y = np.where(loops.allowed, contours.points[:, 1], -np.inf)
+        first = contours.offsets[:-1]  # of each contour, here and in the sorted rows
+        return (np.lexsort((-y, owner))[first] - first).astype(np.int32)
+    sharpest(loops, contours.width, vertices)
     if policy == "aligned" and len(contours):
         order = np.argsort(contours.layer, kind="stable").astype(np.int64)
         begins = np.flatnonzero(np.diff(contours.layer[order], prepend=-1))
         layers = np.append(begins, len(order)).astype(np.int64)
-        flat, rows = points[:, :2], offsets[:-1]
+        flat, rows = contours.points[:, :2], contours.offsets[:-1]
         boxes = np.hstack([np.minimum.reduceat(flat, rows), np.maximum.reduceat(flat, rows)])
-        align(
-            points, offsets, allowed, movable(contours), contours.role, layers, order, boxes,
-            vertices,
-        )  # fmt: skip
+        align(loops, movable(contours), contours.role, layers, order, boxes, vertices)
     return vertices

@@ -6,6 +6,8 @@ its contour may be entered there. A contour's first row always is.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,14 @@ from decmcts.print.loops_kernels import distance_of
 
 CORNER_RAD = np.pi / 6  # gentler turns are no corners
 STEP_RAD = np.pi / 36  # corners this much alike are equally sharp
+
+
+class EnteredLoops(NamedTuple):
+    """A print's contours, and where each may be entered."""
+
+    points: NDArray[np.float64]  # (n_points, 3) mm
+    offsets: NDArray[np.int64]  # (n + 1,)
+    allowed: NDArray[np.bool_]  # (n_points,)
 
 
 @kernel
@@ -50,35 +60,14 @@ def turn_at(points: NDArray[np.float64], first: int, last: int, at: int, arm_mm:
 
 
 @kernel
-def rearmost(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    allowed: NDArray[np.bool_],
-    out: NDArray[np.int32],
-) -> None:
-    """Write the allowed vertex with the largest y of each contour; mutates `out` (n,)."""
-    for c in range(len(out)):
-        best = offsets[c]
-        for row in range(offsets[c], offsets[c + 1]):
-            if allowed[row] and points[row, 1] > points[best, 1]:
-                best = row
-        out[c] = best - offsets[c]
-
-
-@kernel
-def sharpest(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    allowed: NDArray[np.bool_],
-    width: NDArray[np.float64],
-    out: NDArray[np.int32],
-) -> None:
+def sharpest(loops: EnteredLoops, width: NDArray[np.float64], out: NDArray[np.int32]) -> None:
     """Write each contour's sharpest allowed corner, one to the right first; mutates `out` (n,).
 
     Slicers print with the material at the left, so a turn to the right is a
     concave corner, where a seam hides. Of equally sharp ones the rearmost; a
     loop without corners keeps its seam.
     """
+    points, offsets, allowed = loops
     for c in range(len(out)):
         first, last = offsets[c], offsets[c + 1] - 1
         best, most = first, 0.0
@@ -99,9 +88,7 @@ def sharpest(
 
 @kernel
 def align(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    allowed: NDArray[np.bool_],
+    loops: EnteredLoops,
     movable: NDArray[np.bool_],
     role: NDArray[np.int8],
     layers: NDArray[np.int64],
@@ -132,19 +119,14 @@ def align(
                 if not apart and unlike < least:
                     below, least = b, unlike
             if below >= 0:
-                seam = offsets[below] + out[below]
-                out[c] = nearest_row(points, offsets, allowed, c, seam) - offsets[c]
+                seam = loops.offsets[below] + out[below]
+                out[c] = nearest_row(loops, c, seam) - loops.offsets[c]
 
 
 @kernel
-def nearest_row(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    allowed: NDArray[np.bool_],
-    contour: int,
-    to: int,
-) -> int:
+def nearest_row(loops: EnteredLoops, contour: int, to: int) -> int:
     """Return the allowed row of a contour that is nearest to row `to` in the plane."""
+    points, offsets, allowed = loops
     best, least = int(offsets[contour]), np.inf
     for row in range(offsets[contour], offsets[contour + 1]):
         if allowed[row]:
@@ -156,17 +138,13 @@ def nearest_row(
 
 @kernel
 def spread(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    allowed: NDArray[np.bool_],
-    width: NDArray[np.float64],
-    most: int,
-    out: NDArray[np.bool_],
+    loops: EnteredLoops, width: NDArray[np.float64], most: int, out: NDArray[np.bool_]
 ) -> None:
     """Choose at most `most` rows of each contour: the first, corners, others evenly; mutates `out`.
 
     A quarter of the places is for the sharpest corners.
     """
+    points, offsets, allowed = loops
     for c in range(len(offsets) - 1):
         first, last = offsets[c], offsets[c + 1] - 1
         if allowed[first : last + 1].sum() <= most:

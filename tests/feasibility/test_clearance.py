@@ -11,10 +11,9 @@ from decmcts.feasibility.clearance_kernels import (
     CHUNK,
     Centrelines,
     contact_depth,
-    fill_boxes,
     segment_blocks,
 )
-from decmcts.feasibility.packed_head import pack_heads
+from decmcts.feasibility.packed_head import boxed, pack_heads
 from decmcts.formats.machines.machine_file import load_machine
 
 
@@ -25,10 +24,7 @@ def beads_of(rng: np.random.Generator, lengths: list[int]) -> Centrelines:
     steps[offsets[:-1]] = rng.integers(-40, 41, (len(lengths), 3))
     points = np.concatenate([np.cumsum(one, axis=0) for one in np.split(steps, offsets[1:-1])])
     points *= np.array([0.5, 0.5, 0.25])
-    chunks = np.concatenate([[0], np.cumsum(-(-(np.diff(offsets) - 1) // CHUNK))]).astype(np.int64)
-    boxes, chunk_boxes = np.empty((len(lengths), 6)), np.empty((chunks[-1], 6))
-    fill_boxes(points, offsets, boxes, chunks, chunk_boxes)
-    return Centrelines(points, offsets, np.full(len(lengths), 0.75), boxes, chunks, chunk_boxes)
+    return boxed(points, offsets, np.full(len(lengths), 0.75))
 
 
 @pytest.mark.parametrize("machine", ["paper", "mk4s"])

@@ -9,8 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from decmcts.feasibility.build import build_graph
-from decmcts.feasibility.clustering import _islands, cluster_contours
-from decmcts.feasibility.clustering_kernels import connectedness, mark_neighbours, merge_adjacent
+from decmcts.feasibility.clustering import (
+    _islands,
+    cluster_contours,
+    sibling_gammas,
+)
+from decmcts.feasibility.clustering_kernels import merge_adjacent
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 
 
@@ -19,12 +23,9 @@ def graph_of(n: int, *pairs: tuple[int, int]) -> DependencyGraph:
 
 
 def gamma(graph: DependencyGraph, i: int, j: int) -> float:
-    preds = (graph.pred_offsets, graph.preds)
-    succs = (graph.succ_offsets, graph.succs)
-    dependee_of, depender_of = np.full((2, graph.n), -1, np.int32)
-    mark_neighbours(preds, i, dependee_of)
-    mark_neighbours(succs, i, depender_of)
-    return float(connectedness(preds, succs, i, j, dependee_of, depender_of))
+    """Of a pair at one depth; 0 where the two have nothing in common."""
+    low, high, found = sibling_gammas(graph, np.zeros(graph.n, np.int32))
+    return float(found[(low == min(i, j)) & (high == max(i, j))].sum())
 
 
 def assert_topological(graph: DependencyGraph, labels: NDArray[np.int32]) -> None:

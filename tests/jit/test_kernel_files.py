@@ -39,7 +39,7 @@ def decorated(path: Path) -> list[str]:
 
 def test_kernels_import_kernels_and_nothing_else_of_the_project():
     """Their machine code is kept by a digest of these files alone: nothing else may change it."""
-    assert len(KERNELS) > 50
+    assert len(KERNELS) > 40
     others = {
         path.name: [name for name in imported(path)
                     if name != "decmcts.compiled" and not name.endswith("_kernels")]

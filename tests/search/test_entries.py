@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import seeded
 from decmcts.search.decomposition.blocks import Sequence, cut
-from decmcts.search.decomposition.descent_kernels import descend
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
-from decmcts.search.sequence.anneal_kernels import anneal
+from decmcts.search.sequence.anneal_kernels import anneal, descend
 from decmcts.search.sequence.entries_kernels import choose_visits, slide_entries, visits_cost
 from decmcts.search.sequence.metric_kernels import respects
 from decmcts.search.sequence.neighbours import near_ports

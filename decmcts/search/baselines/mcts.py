@@ -52,8 +52,11 @@ class Mcts:
         longest = incumbent.problem.longest_travel() * len(rollout.order)
         tree, chunk = new_tree(self.most_nodes), 1
         order, is_reversed, best = rollout.order.copy(), rollout.reversed.copy(), math.inf
-        while not incumbent.over and not self._has_lost_patience(incumbent):
-            before, was = incumbent.seconds, best
+        limit = incumbent.stopping.iterations
+        while not incumbent.over:
+            now, was = incumbent.progress, best
+            if now.seconds - now.improved_at_s >= self.patience_s:  # the paper's rule
+                break
             best = simulate_many(
                 tree, clustered, rollout, tried, state, self.exploration, longest, self.nearest,
                 chunk, order, is_reversed, best,
@@ -63,19 +66,11 @@ class Mcts:
                 incumbent.offer(order, is_reversed)
                 incumbent.offer_order(order)
             incumbent.tick()
-            chunk = _next_chunk(incumbent, chunk, incumbent.seconds - before)
-
-    def _has_lost_patience(self, incumbent: Incumbent) -> bool:
-        """Tell whether nothing better was found for long (the paper's rule)."""
-        now = incumbent.progress
-        return now.seconds - now.improved_at_s >= self.patience_s
-
-
-def _next_chunk(incumbent: Incumbent, chunk: int, took_s: float) -> int:
-    """Return how many iterations to do before looking at the clock again."""
-    if incumbent.stopping.iterations is not None:
-        return max(1, min(_CHUNK, incumbent.stopping.iterations - incumbent.iterations))
-    return next_chunk(chunk, took_s, POLL_S, least=1, most=_LARGEST_CHUNK)
+            if limit is not None:
+                chunk = max(1, min(_CHUNK, limit - incumbent.iterations))
+            else:
+                took_s = incumbent.seconds - now.seconds
+                chunk = next_chunk(chunk, took_s, POLL_S, least=1, most=_LARGEST_CHUNK)
 
 
 def clustered_problem(problem: OrderProblem, labels: NDArray[np.int32]) -> Clustered:

@@ -100,30 +100,6 @@ def add_descendants(
 
 
 @kernel
-def bounds_of(choices: Choices, points: NDArray[np.float64], boxes: Boxes) -> None:
-    """Fill `boxes`."""
-    for c in range(len(boxes.enter)):
-        boxes.enter[c, :3], boxes.leave[c, :3] = np.inf, np.inf
-        boxes.enter[c, 3:], boxes.leave[c, 3:] = -np.inf, -np.inf
-        for k in range(choices.pairs[choices.offsets[c]], choices.pairs[choices.offsets[c + 1]]):
-            grow(boxes.enter[c], points[choices.into[k]])
-            grow(boxes.leave[c], points[choices.out[k]])
-    boxes.words[:, :3] = np.inf
-    boxes.words[:, 3:] = -np.inf
-    for c in range(len(boxes.leave)):
-        grow(boxes.words[c // WORD], boxes.leave[c, :3])
-        grow(boxes.words[c // WORD], boxes.leave[c, 3:])
-
-
-@kernel
-def grow(box: NDArray[np.float64], point: NDArray[np.float64]) -> None:
-    """Mutate the box to hold the point."""
-    for axis in range(3):
-        box[axis] = min(box[axis], point[axis])
-        box[3 + axis] = max(box[3 + axis], point[axis])
-
-
-@kernel
 def box_price(metric: Metric, one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     """Return what a travel between two boxes costs at least."""
     dx = max(one[0] - other[3], other[0] - one[3], 0.0)

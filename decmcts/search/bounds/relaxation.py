@@ -32,7 +32,6 @@ from decmcts.search.bounds.pricing_kernels import (
     Prices,
     add_descendants,
     arc_weights,
-    bounds_of,
     cover_mask,
     price_travels,
     travel_costs,
@@ -85,8 +84,11 @@ class Relaxation:
         self._width = width
         self.choices = choices_of(problem)
         points = points_of(self.choices.metric)
-        self.boxes = Boxes(np.empty((n, 6)), np.empty((n, 6)), np.empty((-(-n // WORD), 6)))
-        bounds_of(self.choices, points, self.boxes)
+        first = self.choices.pairs[self.choices.offsets[:-1]]
+        enter = _boxes_of(points[self.choices.into], points[self.choices.into], first)
+        leave = _boxes_of(points[self.choices.out], points[self.choices.out], first)
+        words = _boxes_of(leave[:, :3], leave[:, 3:], np.arange(0, n, WORD))
+        self.boxes = Boxes(enter, leave, words)
         self.rule, self.exclusive = _precedence(problem)
         self.crossings: Crossings = forced_crossings(problem)
         graph, count = problem.graph, np.diff(self.choices.offsets)
@@ -187,6 +189,14 @@ class Relaxation:
         place = np.searchsorted(self.exclusive.keys, wanted)
         self._priced = np.flatnonzero(np.append(self.exclusive.keys, -1)[place] == wanted)
         self._exclusive = place[self._priced]
+
+
+def _boxes_of(
+    low: NDArray[np.float64], high: NDArray[np.float64], starts: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the bounds in space of runs that begin at `starts`, (k, 6)."""
+    bounds = (np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts))
+    return np.concatenate(bounds, axis=1)
 
 
 def _precedence(problem: OrderProblem) -> tuple[PossibleTravels, ExclusiveTravels]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.search.decomposition.blocks_kernels import block_edges, block_ports, crossed
-from decmcts.search.sequence.entries_kernels import use_entries, visits_cost
+from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.metric_kernels import Metric, points_of, with_points
 from decmcts.search.sequence.moves_kernels import Tour, refresh
@@ -236,7 +236,9 @@ def _block_seams(
         points[2 * guard : 2 * guard + 2] = points_of(sequence.metric)[entry_port : entry_port + 2]
     free = (old >= 0) & (counts > 0)
     entry_id = np.where(free, old - seams.offsets[ids] + offsets[:-1], -1).astype(np.int32)
-    use_entries(points, entry_id)
+    entered = np.flatnonzero(free)  # these have the ports of their entry
+    door = 2 * k + 2 * entry_id[entered]
+    points[2 * entered], points[2 * entered + 1] = points[door], points[door + 1]
     metric = with_points(sequence.metric, points)
     return _BlockSeams(metric, entries, offsets, owner, row, np.concatenate([rows, kept]), entry_id)
 

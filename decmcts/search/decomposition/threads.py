@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 
 from decmcts.random_kernels import seeded, uniform
 from decmcts.search.decomposition.blocks import Sequence, SequenceBlock, crossover, cut
-from decmcts.search.decomposition.descent_kernels import descend
-from decmcts.search.sequence.anneal_kernels import anneal
+from decmcts.search.sequence.anneal_kernels import anneal, descend
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping, TemperatureSchedule, next_chunk
 

@@ -26,7 +26,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.search.decomposition.blocks import Sequence, crossover
 from decmcts.search.decomposition.threads import anneal_blocks, anneal_sequences
@@ -59,6 +58,7 @@ class Multistart:
         incumbent, threads = search.incumbent, search.threads
         plain, layered = search.best(), search.layered
         layers, layered_won = layer_runs(incumbent.problem.layer), False
+        whole = np.zeros_like(layers)
         began, rounds = incumbent.spent, self.rounds(search)
         length = (self.until - began) / rounds
         mean = incumbent.cost / len(incumbent.problem)  # the same in all rounds
@@ -71,9 +71,14 @@ class Multistart:
                 *(other.copy() for _ in threads.states[1:]),
             ]
             until = began + length * (number + 1)
-            hot = self._first_temperatures(number, layered is not None, layered_won, len(sequences))
-            groups = _groups(layers, layered is not None, layered_won, len(sequences))
-            schedules = [TemperatureSchedule(first * mean, self.cold * mean) for first in hot]
+            first_hot = self.mild if layered_won else self.hot
+            other_hot = self.mild if number % 2 and layered is None else self.hot
+            schedules = [
+                TemperatureSchedule(hot * mean, self.cold * mean)
+                for hot in (first_hot, *[other_hot] * (len(sequences) - 1))
+            ]
+            groups = [layers if layered_won else whole]
+            groups += [whole if layered is None else layers] * (len(sequences) - 1)
             yield from anneal_sequences(
                 incumbent, sequences, threads, schedules, until, groups=groups
             )
@@ -96,21 +101,6 @@ class Multistart:
             choices += int((np.diff(problem.seams.offsets) - 1).clip(0).sum())
         steps = search.threads.steps(incumbent.stopping) * (self.until - incumbent.spent)
         return int(min(max(1.0, steps / (self.steps * choices)), self.most))
-
-    def _first_temperatures(
-        self, number: int, has_layered: bool, layered_won: bool, count: int
-    ) -> list[float]:
-        """Return how hot each of `count` threads begins, in mean travels."""
-        other = self.mild if number % 2 and not has_layered else self.hot
-        return [self.mild if layered_won else self.hot, *[other] * (count - 1)]
-
-
-def _groups(
-    layers: NDArray[np.int32], has_layered: bool, layered_won: bool, count: int
-) -> list[NDArray[np.int32]]:
-    """Return what the moves of each of `count` threads stay within: layers, or the whole."""
-    whole = np.zeros_like(layers)
-    return [layers if layered_won else whole, *[layers if has_layered else whole] * (count - 1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,34 +127,22 @@ class Partition:
 
     def run(self, search: HybridSearch) -> Iterator[None]:
         """Anneal the best sequence on all threads together."""
-        large = len(search.incumbent.problem) >= self.layers_from
+        incumbent, threads = search.incumbent, search.threads
+        large = len(incumbent.problem) >= self.layers_from
         if large and search.layered is not None:
             yield from self._within_layers(search, search.layered)
         long, short = self.blocks
         fast = search.schedule(self.hot, self.cold)
-        until = search.incumbent.spent + self.first
-        yield from self._anneal(search, search.best(), fast, until, long)
+        until = incumbent.spent + self.first
+        yield from anneal_blocks(incumbent, search.best(), threads, fast, until, blocks=long)
         sequence = search.best()
         hot = search.schedule(self.hot, self.warm)
         cold = search.schedule(self.warm, self.cold)  # of the same mean travel
-        yield from self._anneal(search, sequence, hot, self.half_way, long)
-        if search.incumbent.cost < sequence.cost:  # found by the first annealing
+        yield from anneal_blocks(incumbent, sequence, threads, hot, self.half_way, blocks=long)
+        if incumbent.cost < sequence.cost:  # found by the first annealing
             sequence = search.best()
         ends = self.windows_from if self.affords_windows(search) else self.until
-        yield from self._anneal(search, sequence, cold, ends, short)
-
-    def _anneal(
-        self,
-        search: HybridSearch,
-        sequence: Sequence,
-        schedule: TemperatureSchedule,
-        until: float,
-        blocks: int,
-    ) -> Iterator[None]:
-        """Anneal the sequence in blocks, shared out among the threads."""
-        yield from anneal_blocks(
-            search.incumbent, sequence, search.threads, schedule, until, blocks=blocks
-        )
+        yield from anneal_blocks(incumbent, sequence, threads, cold, ends, blocks=short)
 
     def _within_layers(self, search: HybridSearch, layered: Sequence) -> Iterator[None]:
         """Anneal within layers on each thread, and cross the results."""

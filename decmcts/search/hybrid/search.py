@@ -6,7 +6,8 @@ It begins with orders made by simple rules, and maybe one that goes by layers.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +21,7 @@ from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.stopping import TemperatureSchedule
 
 
-@dataclass(slots=True)
+@dataclass
 class HybridSearch:
     """The best sequence so far, and what phases need and find out; mutable."""
 
@@ -28,14 +29,11 @@ class HybridSearch:
     threads: Threads
     by_layers: tuple[NDArray[np.int32], NDArray[np.uint8]] | None = None  # order, directions
     layered: Sequence | None = None  # layer by layer, and worth annealing within layers
-    _near: NDArray[np.int32] | None = field(default=None, repr=False)
 
-    @property
+    @cached_property
     def near(self) -> NDArray[np.int32]:
         """Entry ports near each exit, see `near_ports`; found when first asked for."""
-        if self._near is None:
-            self._near = near_ports(self.incumbent.problem)
-        return self._near
+        return near_ports(self.incumbent.problem)
 
     def schedule(self, hot: float, cold: float) -> TemperatureSchedule:
         """Return a schedule; temperatures are given in mean travels of the best sequence."""

@@ -1,9 +1,10 @@
-"""Simulated annealing on linear extensions: proposals drawn, judged and applied.
+"""Simulated annealing on linear extensions, and descent: proposals drawn, judged and applied.
 
 A proposal names a contour near the exit of a random one and makes it follow, by
 one of the moves of `decmcts.search.sequence.moves_kernels`, or exchanges two adjacent segments
 of log-uniform lengths. Cost comes first (O(1)), feasibility only for proposals
-that the Metropolis rule would take.
+that the Metropolis rule would take. Descent, the deterministic end of a search, makes nearby
+moves that gain, position by position.
 """
 
 from __future__ import annotations
@@ -57,6 +58,7 @@ CHOOSE_ONE_IN = 16  # where contours may be entered at several places
 SLIDE_ONE_IN = 4  # of these
 REACH = 1.0  # temperatures by which a new travel may be longer than the one it replaces
 MOST = 16.0  # temperatures; no step of such a cost is ever taken
+_GAIN = -1e-9  # mm; smaller gains are rounding
 
 
 @inlined
@@ -266,3 +268,70 @@ def anneal(tour: Tour, state: NDArray[np.uint64], temperature: float, proposals:
             change = try_insertion(tour, i, j, slack)
         total += change
     return total
+
+
+@kernel
+def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
+    """Mutate the tour by the first improving exchange that lets `at` follow p; return the gain."""
+    room = len(tour.order) - at if at > p else p - at
+    for length in range(1, min(room, longest) + 1):
+        i, j, k = (p + 1, at, at + length) if at > p else (at, at + length, p + 1)
+        change = swap_change(tour, i, j, k)
+        if change < _GAIN:
+            change = commit_swap(tour, i, j, k, change)
+            if change < 0.0:
+                return change
+    return 0.0
+
+
+@kernel
+def _improve_reversals(tour: Tour, p: int, at: int) -> float:
+    """Mutate the tour by the first improving reversal or carry of `at` to p; return the gain."""
+    if p < at <= p + LONGEST_REVERSAL:
+        change = reversal_change(tour, p + 1, at + 1)
+        if change < _GAIN:
+            change = commit_reversal(tour, p + 1, at + 1, change, _GAIN)
+            if change < 0.0:
+                return change
+    room = at - p - 1 if at > p else at + 1
+    for length in range(1, min(room, LONGEST_REVERSAL) + 1):
+        first = at + 1 - length
+        change = carry_change(tour, first, at + 1, p)
+        if change < _GAIN:
+            change = commit_carry(tour, first, at + 1, p, change, _GAIN)
+            if change < 0.0:
+                return change
+    return 0.0
+
+
+@kernel
+def descend(tour: Tour, first: int, last: int, longest: int) -> float:
+    """Mutate the tour by improving moves behind positions [first, last); return the gain, <= 0.
+
+    Segments up to `longest` are exchanged. Each position is worked on until
+    nothing improves there.
+    """
+    gain, tour = 0.0, borrowed(tour)
+    for p in range(first, last):
+        gain += choose_entry(tour, p)
+        better = True
+        while better:
+            better = False
+            c = tour.order[p]
+            near = tour.near[near_row(tour, c)]
+            for x in range(len(near)):
+                if near[x] < 0:
+                    continue
+                at = tour.position[contour_of(near[x], len(tour.order), tour.entry_owner)]
+                if at == p + 1:
+                    continue
+                change = 0.0
+                if near[x] >= 2 * len(tour.order) or tour.reversed[near[x] >> 1] == near[x] & 1:
+                    change = _improve_swaps(tour, p, at, longest)
+                if change == 0.0:
+                    change = _improve_reversals(tour, p, at)
+                if change < 0.0:
+                    gain += change
+                    better = True
+                    break
+    return gain

@@ -56,16 +56,6 @@ def use_entry(tour: Tour, p: int, entry: int) -> None:
 
 
 @kernel
-def use_entries(points: NDArray[np.float64], entry_id: NDArray[np.int32]) -> None:
-    """Mutate the points: every contour has the ports of its entry."""
-    n = len(entry_id)
-    for c in range(n):
-        if entry_id[c] >= 0:
-            points[2 * c] = points[2 * n + 2 * entry_id[c]]
-            points[2 * c + 1] = points[2 * n + 2 * entry_id[c] + 1]
-
-
-@kernel
 def choose_entry(tour: Tour, p: int) -> float:
     """Mutate the tour: enter the contour at p where it is cheapest; return the change, <= 0."""
     c = tour.order[p]

@@ -100,11 +100,19 @@ Metric = NDArray[np.float64] | Timed | Matrix
 # an array is (2n + 2m, 3) points, priced in mm
 
 
+def _by_type(metric: Any, array: Any, timed: Any, matrix: Any = None) -> Any:
+    """Return the formula for a metric of a type that numba knows; None: there is none."""
+    if isinstance(metric, types.Array):
+        return array
+    kind: Any = getattr(metric, "instance_class", None)
+    return {Timed: timed, Matrix: matrix}.get(kind)
+
+
 @register_jitable
-def _length(points: Any, a: Any, b: Any) -> Any:
-    dx = points[a, 0] - points[b, 0]
-    dy = points[a, 1] - points[b, 1]
-    dz = points[a, 2] - points[b, 2]
+def _length(metric: Any, a: Any, b: Any) -> Any:
+    dx = metric[a, 0] - metric[b, 0]
+    dy = metric[a, 1] - metric[b, 1]
+    dz = metric[a, 2] - metric[b, 2]
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
@@ -180,14 +188,7 @@ def distance(metric: Metric, a: int, b: int) -> float:
 
 @overload(distance, strict=False)
 def _distance(metric: Any, a: Any, b: Any) -> Any:
-    """Choose the formula for the metric's type."""
-    if isinstance(metric, types.Array):
-        return lambda metric, a, b: _length(metric, a, b)
-    if getattr(metric, "instance_class", None) is Timed:
-        return lambda metric, a, b: _seconds(metric, a, b)
-    if getattr(metric, "instance_class", None) is Matrix:
-        return lambda metric, a, b: _entry(metric, a, b)
-    return None
+    return _by_type(metric, _length, _seconds, _entry)
 
 
 def price(metric: Metric, level: float, rise: float) -> float:
@@ -202,12 +203,9 @@ def price(metric: Metric, level: float, rise: float) -> float:
 
 @overload(price, strict=False)
 def _price(metric: Any, level: Any, rise: Any) -> Any:
-    """Choose the formula for the metric's type."""
-    if isinstance(metric, types.Array):
-        return lambda metric, level, rise: math.sqrt(level * level + rise * rise)
-    if getattr(metric, "instance_class", None) is Timed:
-        return lambda metric, level, rise: _least(metric, level, rise)
-    return None
+    return _by_type(
+        metric, lambda metric, level, rise: math.sqrt(level * level + rise * rise), _least
+    )
 
 
 def costs_the_same_back(metric: Metric, a: int, b: int) -> bool:
@@ -229,7 +227,7 @@ def _same_back(metric: Any, a: Any, b: Any) -> Any:
 def _costs_the_same_back(metric: Any, a: Any, b: Any) -> Any:
     """Choose by the metric's type: there is nothing to look at but where travels may be bare."""
     if getattr(metric, "instance_class", None) is Timed:
-        return lambda metric, a, b: _same_back(metric, a, b)
+        return _same_back
     return lambda metric, a, b: True
 
 
@@ -259,9 +257,4 @@ def points_of(metric: Metric) -> NDArray[np.float64]:
 
 @overload(points_of, strict=False)
 def _points_of(metric: Any) -> Any:
-    """Choose the access for the metric's type."""
-    if isinstance(metric, types.Array):
-        return lambda metric: metric
-    if getattr(metric, "instance_class", None) is Timed:
-        return lambda metric: metric.points
-    return None
+    return _by_type(metric, lambda metric: metric, lambda metric: metric.points)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +170,7 @@ SopThread = (
 )
 
 
-@dataclass(slots=True)
+@dataclass
 class TwoThreads:
     """One problem's three searches, and the rules by which they share two threads."""
 
@@ -178,7 +179,6 @@ class TwoThreads:
     assignment: Assignment
     seed: int
     least_gain: float  # costs differ by more than this
-    _steps: NearSteps | None = None  # found for the first annealing
 
     def run(self) -> float:
         """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
@@ -211,13 +211,11 @@ class TwoThreads:
             return list(joint.sides)
         return [self._beams(), self._annealer(0) if large else self._tree()]
 
-    @property
+    @cached_property
     def steps(self) -> NearSteps:
-        """Return the near nodes and what temperatures go by, found when first asked for."""
-        if self._steps is None:
-            reduced, possible = self.assignment.reduced, self.precedence.possible
-            self._steps = NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
-        return self._steps
+        """Near nodes and what temperatures go by, found when first asked for."""
+        reduced, possible = self.assignment.reduced, self.precedence.possible
+        return NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
 
     @property
     def costs(self) -> NDArray[np.float64]:

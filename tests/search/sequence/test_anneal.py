@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts.random_kernels import below, seeded, uniform
-from decmcts.search.decomposition.descent_kernels import descend
-from decmcts.search.sequence.anneal_kernels import anneal
+from decmcts.search.sequence.anneal_kernels import anneal, descend
 from decmcts.search.sequence.insertion_kernels import try_insertion
 from decmcts.search.sequence.metric_kernels import costliest, distance, respects
 from decmcts.search.sequence.moves_kernels import (
