@@ -60,23 +60,11 @@ def draw_machine(machine: Machine, path: Path | str) -> None:
 
 def _shapes(machine: Machine) -> list[list[int]]:
     """Return the heads of each shape, in the order of the first of each."""
-    found: list[list[int]] = []
+    found: dict[str, list[int]] = {}
     for h, head in enumerate(machine.heads):
-        same = (group for group in found if _alike(machine.heads[group[0]], head))
-        group = next(same, None)
-        if group is None:
-            found.append([h])
-        else:
-            group.append(h)
-    return found
-
-
-def _alike(head: Head, other: Head) -> bool:
-    one, two = (
-        [(s.height_mm, [np.asarray(p).tolist() for p in s.polygons]) for s in h.slices]
-        for h in (head, other)
-    )
-    return one == two and head.bodies == other.bodies
+        slices = [(s.height_mm, [np.asarray(p).tolist() for p in s.polygons]) for s in head.slices]
+        found.setdefault(repr((slices, head.bodies)), []).append(h)
+    return list(found.values())
 
 
 def _draw_slices(axis: Any, head: Head, names: str) -> None:
@@ -193,8 +181,7 @@ def _draw_parked(axis: Any, head: Head, colour: str) -> None:
     for body in head.bodies:
         corner = (head.park[0] + body.minimum[0], head.park[1] + body.minimum[1])
         size = (body.maximum[0] - body.minimum[0], body.maximum[1] - body.minimum[1])
-        axis.add_patch(Rectangle(corner, *size, fc=colour, alpha=0.12))
-        axis.add_patch(Rectangle(corner, *size, fill=False, ec=colour, lw=1.0))
+        axis.add_patch(Rectangle(corner, *size, fc=(colour, 0.12), ec=colour, lw=1.0))
 
 
 def _parked_corners(machine: Machine) -> list[Floats]:

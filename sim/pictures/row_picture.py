@@ -32,8 +32,7 @@ def draw_row_above(axis: Any, machine: Machine, row: HeadsInRow) -> None:
         colour = head_colour(h, len(machine.heads))
         for part in parts_of(machine.heads[h]):
             corners = part.polygon + nozzle
-            axis.add_patch(Polygon(corners, closed=True, fc=colour, alpha=0.13, lw=0))
-            axis.add_patch(Polygon(corners, closed=True, fill=False, ec=colour, lw=0.9))
+            axis.add_patch(Polygon(corners, closed=True, fc=(colour, 0.13), ec=colour, lw=0.9))
         axis.plot(*nozzle, "k+", ms=8)
         _name(axis, nozzle, machine.heads[h])
     for gap, (start, end) in zip(row.gaps_mm, row.ends, strict=True):
@@ -79,8 +78,7 @@ def draw_row_beside(axis: Any, machine: Machine, row: HeadsInRow) -> None:
         for part in parts_of(machine.heads[h]):
             low, high = part.polygon[:, d].min() + nozzle[d], part.polygon[:, d].max() + nozzle[d]
             size = (high - low, part.high - part.low)
-            axis.add_patch(Rectangle((low, part.low), *size, fc=colour, alpha=0.13, lw=0))
-            axis.add_patch(Rectangle((low, part.low), *size, fill=False, ec=colour, lw=0.9))
+            axis.add_patch(Rectangle((low, part.low), *size, fc=(colour, 0.13), ec=colour, lw=0.9))
         _name(axis, (nozzle[d], 0.0), machine.heads[h])
     places = row.nozzles[:, d]
     half = float(np.ptp(places)) / 2.0 + AROUND_MM

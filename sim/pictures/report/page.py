@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -89,9 +88,10 @@ def write_run_report(
         for event in log.events
         if event.kind is EventKind.FAILED
     ]
-    run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end, on_print)
     plans = [Anew(document, log), *(each for each in anew if each.log.events)]
-    run = replace(run, plans=plans, missing=missing)
+    run = CarriedOut(
+        printed, len(document.contours), failed, contacts, in_the_end, on_print, plans, missing
+    )
     write_report(path, before=document, after=after, details=ReportDetails(file=file, run=run))
 
 
