@@ -132,9 +132,8 @@ def _stops(
     set_up = next((sync.line for sync in file.syncs if sync.signal), len(file.lines) + 1)
     found = list[tuple[int, int, int, float]]()  # line, kind, number, seconds
     for sync in file.syncs:
-        kind = (
-            StopKind.WAIT if not sync.signal else StopKind.PASS if sync.moving else StopKind.SIGNAL
-        )
+        gives = StopKind.PASS if sync.moving else StopKind.SIGNAL
+        kind = gives if sync.signal else StopKind.WAIT
         found.append((sync.line, kind, index[sync.number], 0.0))
     heaters = Heaters()
     for row, code in file.others:

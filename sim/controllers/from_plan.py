@@ -25,25 +25,11 @@ SignalIndex = dict[Place, int]  # index of the signal of each
 
 def programs_of_plan(document: PlanDocument, queue: int = QUEUE) -> tuple[HeadProgram, ...]:
     """Return the program of each head of a plan that the judge has passed, or not."""
-    signals = _signals(document.plan)
-    return tuple(_program(document, h, signals, queue) for h in range(len(document.plan.heads)))
+    return tuple(program_of_head(document, h, queue) for h in range(len(document.plan.heads)))
 
 
 def program_of_head(document: PlanDocument, h: int, queue: int = QUEUE) -> HeadProgram:
     """Return the program of one head, with signals numbered as among all of them."""
-    return _program(document, h, _signals(document.plan), queue)
-
-
-def _signals(plan: JointPlan) -> SignalIndex:
-    """Return the index of the signal of each place that another head waits for."""
-    found = {
-        place for h, head in enumerate(plan.heads) for place in places_of(plan, head)
-        if place[0] != h
-    }  # fmt: skip
-    return {place: k for k, place in enumerate(sorted(found))}
-
-
-def _program(document: PlanDocument, h: int, signals: SignalIndex, queue: int) -> HeadProgram:
     actions, machine = document.plan.heads[h], document.machine
     head = machine.head(actions.head)
     limits = machine.limits_of(head)
@@ -61,7 +47,16 @@ def _program(document: PlanDocument, h: int, signals: SignalIndex, queue: int) -
     )  # fmt: skip
     motion = np.zeros(len(actions))
     np.add.at(motion, action, profile_of(program, queue).seconds)
-    return replace(program, stops=_stops(document, h, signals, action, motion))
+    return replace(program, stops=_stops(document, h, _signals(document.plan), action, motion))
+
+
+def _signals(plan: JointPlan) -> SignalIndex:
+    """Return the index of the signal of each place that another head waits for."""
+    found = {
+        place for h, head in enumerate(plan.heads) for place in places_of(plan, head)
+        if place[0] != h
+    }  # fmt: skip
+    return {place: k for k, place in enumerate(sorted(found))}
 
 
 def _of_prints(

@@ -1,10 +1,8 @@
 """The look for contacts with the print, compiled: moves in order, each against what stands then.
 
 Each cell of a grid keeps its highest point of a bead. Squares of 2, 4, 8 … cells a side keep the
-highest of all their cells, so that a search passes over wide areas where nothing is high enough.
-
-Where a square of the grid holds nothing as high as a part of the head, nothing within it is looked
-at, so the time is near linear in the moves. The swept part is exact.
+highest of all their cells. Where one holds nothing as high as a part of the head, nothing within it
+is looked at, so the time is near linear in the moves. The swept part is exact.
 """
 
 from __future__ import annotations
@@ -190,7 +188,10 @@ def _highest(
             if _meets(moves, i, parts, k, heights, at, leg):
                 limit, met = heights.top[at], at
         elif _is_near(a, b, parts, k, reach, heights, level, row, column, leg):
-            count = _parted_in_four(heights, level, row, column, stack, count)
+            for r in range(2 * row, min(2 * row + 2, heights.rows[level - 1])):
+                for c in range(2 * column, min(2 * column + 2, heights.columns[level - 1])):
+                    stack[count, 0], stack[count, 1], stack[count, 2] = level - 1, r, c
+                    count += 1
     return met
 
 
@@ -214,18 +215,6 @@ def _begin(
         for column in range(max(0, int(low[0] // side)),
                             min(heights.columns[level], int(high[0] // side) + 1)):  # fmt: skip
             stack[count, 0], stack[count, 1], stack[count, 2] = level, row, column
-            count += 1
-    return count
-
-
-@compiled
-def _parted_in_four(
-    heights: Heights, level: int, row: int, column: int, stack: Ints, count: int
-) -> int:
-    """Write the squares that a square is made of; return how many there are now."""
-    for r in range(2 * row, min(2 * row + 2, heights.rows[level - 1])):
-        for c in range(2 * column, min(2 * column + 2, heights.columns[level - 1])):
-            stack[count, 0], stack[count, 1], stack[count, 2] = level - 1, r, c
             count += 1
     return count
 

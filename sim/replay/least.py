@@ -25,14 +25,6 @@ from sim.content.seams import laid_by
 from sim.replay.compiled import compiled
 
 
-def least_of_heads(
-    document: PlanDocument, all_actions: tuple[HeadActions, ...], source: PrintJob | None
-) -> list[Floats]:
-    """Return `least_arrivals` of each head; several may have to wait, so they begin at rest."""
-    rests = len(all_actions) > 1
-    return [least_arrivals(document, actions, source, rests=rests) for actions in all_actions]
-
-
 def least_arrivals(
     document: PlanDocument, actions: HeadActions, source: PrintJob | None, *, rests: bool
 ) -> Floats:

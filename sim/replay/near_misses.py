@@ -115,18 +115,18 @@ def asked_of(
 def near_misses(
     moves: Floats,
     beads: Beads,
-    order: Ints,
     parts: list[Part],
     margins: tuple[float, float],
     capacity: NearMissCapacity,
     near: NearPrint | None = None,
 ) -> tuple[Ints, int]:
-    """Return rows (move, position in `order`, part) to look at closely, and their number.
+    """Return rows (move, bead, part) to look at closely, and their number.
 
     With more than `capacity.first` the search stops there, and the number is above that.
     `margins` are the clearance and the tolerance; `near` is filled in where given.
     """
     clearance_mm, tolerance_mm = margins
+    order = np.argsort(beads.since, kind="stable")
     rows, since = _rectangles(beads, order, clearance_mm), beads.since[order]
     offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
     heights = np.array([p.low for p in parts]) + tolerance_mm
@@ -139,15 +139,15 @@ def near_misses(
     kept = _that_matter(moves, since, rows[:, 6], float(heights.min()))
     if not len(kept):
         return np.empty((0, 3), np.int64), 0
-    rows, upto = rows[kept], _there_by(since[kept], len(moves))
+    rows, order, upto = rows[kept], order[kept], _there_by(since[kept], len(moves))
     entries = raster.count_entries(rows, grid, shape)
     found = np.empty((capacity.first, 3), np.int64)
-    asked = asked_of(near, beads, order[kept], parts, packed, margins)
+    asked = asked_of(near, beads, order, parts, packed, margins)
     n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found, asked))
     if near is not None:
         near.take(asked, parts)
     found = found[:n]
-    found[:, 1] = kept[found[:, 1]]
+    found[:, 1] = order[found[:, 1]]
     return found, n
 
 

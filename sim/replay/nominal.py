@@ -101,29 +101,24 @@ def check_least(all_actions: tuple[HeadActions, ...], least: list[Floats]) -> li
 
 def check_metrics(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[Fault]:
     """Check the figures a plan states of itself, where it does, against its actions."""
-    lines = []
+    lines, metrics = [], document.metrics
     for name, due in _figures(document, all_actions).items():
-        stated = document.metrics.get(name, due)
-        if not _alike(stated, due):
+        stated, within = metrics.get(name, due), TIME_TOLERANCE_S + 1e-6 * abs(due)
+        # compared, not subtracted: an int may be huge
+        if not _is_number(stated) or not due - within <= stated <= due + within:
             lines.append(f"{name} is stated as {stated}, the actions have {due:.6g}")
-    lines += _less_over_walls(document, all_actions)
+    stated = metrics.get("travel_over_walls_mm")
+    # of the whole file, which has more moves than the plan; of a kept source of its own travels
+    if stated is not None and len(all_actions) == 1 and not metrics.get("kept_source"):
+        due = over_walls_mm(document.contours, all_actions[0])
+        if not _is_number(stated) or not stated >= due * (1.0 - WALLS_SHARE) - WALLS_MM:
+            text = f"travel_over_walls_mm is stated as {stated}, the travels have {due:.6g}"
+            lines.append(text)
     return listed(FaultKind.TIMES, lines)
 
 
-def _less_over_walls(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[str]:
-    """Return a line where one head's file is said to travel less over walls than its plan does.
-
-    What is stated is the whole file's, which has more moves than the plan; that of a source that
-    was kept is of its own travels.
-    """
-    stated = document.metrics.get("travel_over_walls_mm")
-    if stated is None or len(all_actions) != 1 or document.metrics.get("kept_source"):
-        return []
-    due = over_walls_mm(document.contours, all_actions[0])
-    least = due * (1.0 - WALLS_SHARE) - WALLS_MM
-    if not isinstance(stated, bool) and isinstance(stated, int | float) and stated >= least:
-        return []
-    return [f"travel_over_walls_mm is stated as {stated}, the travels have {due:.6g}"]
+def _is_number(stated: object) -> bool:
+    return isinstance(stated, int | float) and not isinstance(stated, bool)
 
 
 def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> dict[str, float]:
@@ -149,13 +144,6 @@ def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> di
         "contours": prints, "emitted_travel_mm": moved, "extrusionless_travel_mm": bare,
         "cross_head_waits": edges,
     }  # fmt: skip
-
-
-def _alike(stated: object, due: float) -> bool:
-    if isinstance(stated, bool) or not isinstance(stated, int | float):
-        return False
-    within = TIME_TOLERANCE_S + 1e-6 * abs(due)
-    return due - within <= stated <= due + within  # compared, not subtracted: an int may be huge
 
 
 def _passed(contours: Contours, all_actions: tuple[HeadActions, ...], edge: After) -> float:

@@ -71,7 +71,9 @@ class Part:
 
     def vertices(self) -> Vertices:
         """Return its corners."""
-        return prism_vertices(self.polygon, self.low, self.high)
+        n = len(self.polygon)
+        ends = [np.column_stack([self.polygon, np.full(n, z)]) for z in (self.low, self.high)]
+        return np.concatenate(ends)
 
 
 def parts_of(head: Head) -> list[Part]:
@@ -109,11 +111,9 @@ HEAD_TOP_MM = 500.0  # a head's slices fill space from their height up to here
 Vertices = Floats  # (k, 3)
 
 
-def prism_vertices(polygon: Floats, low: float, high: float) -> Vertices:
-    """Return the corners of a convex polygon extruded from `low` to `high`."""
-    flat = np.asarray(polygon, np.float64)
-    rows = [np.column_stack([flat, np.full(len(flat), z)]) for z in (low, high)]
-    return np.concatenate(rows)
+def bounds_of(shape: Vertices) -> Floats:
+    """Return least and most x, y and z of a shape, (2, 3)."""
+    return np.stack([shape.min(axis=0), shape.max(axis=0)])
 
 
 def swept_vertices(shape: Vertices, start: Floats, end: Floats) -> Vertices:
