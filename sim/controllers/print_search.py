@@ -187,7 +187,11 @@ def _highest(
         if level == 0:
             if _meets(moves, i, parts, k, heights, at, leg):
                 limit, met = heights.top[at], at
-        elif _is_near(a, b, parts, k, reach, heights, level, row, column, leg):
+            continue
+        side = heights.cell_mm * 2**level
+        x = heights.corner[0] + (column + 0.5) * side
+        y = heights.corner[1] + (row + 0.5) * side
+        if _gap(a, b, 0.0, 1.0, parts, k, x, y, leg) <= reach + 0.7072 * side:
             for r in range(2 * row, min(2 * row + 2, heights.rows[level - 1])):
                 for c in range(2 * column, min(2 * column + 2, heights.columns[level - 1])):
                     stack[count, 0], stack[count, 1], stack[count, 2] = level - 1, r, c
@@ -217,18 +221,6 @@ def _begin(
             stack[count, 0], stack[count, 1], stack[count, 2] = level, row, column
             count += 1
     return count
-
-
-@compiled
-def _is_near(
-    a: Floats, b: Floats, parts: Prisms, k: int, reach: float, heights: Heights, level: int,
-    row: int, column: int, leg: Floats,
-) -> bool:  # fmt: skip
-    """Tell whether a part may come within its reach of a square in a move."""
-    side = heights.cell_mm * 2**level
-    x = heights.corner[0] + (column + 0.5) * side
-    y = heights.corner[1] + (row + 0.5) * side
-    return bool(_gap(a, b, 0.0, 1.0, parts, k, x, y, leg) <= reach + 0.7072 * side)
 
 
 @compiled

@@ -75,8 +75,8 @@ def draw_plan(
     sheet = sheet_of(_extent(before, after), heads)
     figure = Figure(figsize=sheet.size)
     title, under = title_lines(name, before, after)
-    figure.text(sheet.left, sheet.top(0.32), title, fontsize=13, fontweight="bold")
-    figure.text(sheet.left, sheet.top(0.58), under, fontsize=9.5)
+    figure.text(sheet.left, 1.0 - 0.32 / sheet.size[1], title, fontsize=13, fontweight="bold")
+    figure.text(sheet.left, 1.0 - 0.58 / sheet.size[1], under, fontsize=9.5)
     grids = bead_grids(after, (0, 1), sheet.extent)
     for k, view in enumerate(views):
         axis = _view_axis(figure, sheet, k)
@@ -294,21 +294,8 @@ class Sheet:
     side: FigureBox
     times: FigureBox
     legend: float  # its top, in parts of the height
-
-    @property
-    def left(self) -> float:
-        """Where titles begin, in parts of the width."""
-        return LEFT / self.size[0]
-
-    @property
-    def inch_a_mm(self) -> float:
-        """The scale of the views."""
-        across = float(self.extent[1, 0] - self.extent[0, 0])
-        return self.views[0][2] * self.size[0] / across
-
-    def top(self, below_in: float) -> float:
-        """Return the height of what stands so far below the top, in parts."""
-        return 1.0 - below_in / self.size[1]
+    left: float  # where titles begin, in parts of the width
+    inch_a_mm: float  # the scale of the views
 
 
 def sheet_of(extent: Floats, heads: int) -> Sheet:
@@ -339,5 +326,5 @@ def sheet_of(extent: Floats, heads: int) -> Sheet:
         place(LEFT, chart_y, 2 * w + GAP - (0.25 if heads > 1 else 0.0), CHART - 0.25),
         place(third, chart_y, w, CHART - 0.25),
         place(ROWS, CHART_GAP, width - ROWS - RIGHT, ROW_IN * heads),
-        (0.1 + below + 0.05) / height,
+        (0.1 + below + 0.05) / height, LEFT / width, scale,
     )  # fmt: skip

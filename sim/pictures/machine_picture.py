@@ -70,7 +70,11 @@ def _shapes(machine: Machine) -> list[list[int]]:
 def _draw_slices(axis: Any, head: Head, names: str) -> None:
     """Draw the slices from above, the lowest on top; `names` are of the heads of this shape."""
     corners = [np.concatenate(piece.polygons) for piece in head.slices]
-    _frame(axis, np.concatenate(corners) if corners else np.zeros((1, 2)))
+    reach = float(np.abs(np.concatenate([np.zeros((1, 2)), *corners])).max())
+    half = min(NEAR_MM, 1.15 * reach + 2.0)
+    axis.set_xlim(-half, half)
+    axis.set_ylim(-half, half)
+    axis.set_aspect("equal")
     for k, piece in reversed(list(enumerate(head.slices))):
         for polygon in piece.polygons:
             axis.add_patch(Polygon(polygon, closed=True, fc=_shade(k), ec="black", lw=0.8))
@@ -92,14 +96,6 @@ def _below(axis: Any, inches: float) -> Any:
     """Return where an axis is, so many inches lower: for legends below its label."""
     scale = axis.figure.dpi_scale_trans
     return axis.transAxes + ScaledTranslation(0.0, -inches, scale)
-
-
-def _frame(axis: Any, points: Floats) -> None:
-    """Show a square around the nozzle that holds the points, if they are near."""
-    half = min(NEAR_MM, 1.15 * float(np.abs(points).max()) + 2.0)
-    axis.set_xlim(-half, half)
-    axis.set_ylim(-half, half)
-    axis.set_aspect("equal")
 
 
 def _shade(k: int) -> str:

@@ -41,7 +41,11 @@ def draw_row_above(axis: Any, machine: Machine, row: HeadsInRow) -> None:
         aside = (0, -15) if row.axis == 0 else (12, -3)
         axis.annotate(f"{gap:.4g} mm", middle, textcoords="offset points", xytext=aside,
                       ha="left" if row.axis else "center", fontsize=8, bbox=BOX)  # fmt: skip
-    _frame(axis, row, row.nozzles[:, 0], row.nozzles[:, 1])
+    middle = (row.nozzles.min(axis=0) + row.nozzles.max(axis=0)) / 2.0
+    half = float(np.ptp(row.nozzles, axis=0).max()) / 2.0 + AROUND_MM
+    axis.set_xlim(middle[0] - half, middle[0] + half)
+    axis.set_ylim(middle[1] - half, middle[1] + half)
+    axis.set_aspect("equal")
     along = "side by side" if row.axis == 0 else "behind one another"
     axis.set_title(f"as near {along} as they may: from above", fontsize=10)
     axis.set_xlabel("x, mm")
@@ -59,15 +63,6 @@ BOX: Any = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0
 def _name(axis: Any, at: Any, head: Head) -> None:
     axis.annotate(shortened(head.name, 14), at, textcoords="offset points", xytext=(0, -14),
                   ha="center", fontsize=8, bbox=BOX)  # fmt: skip
-
-
-def _frame(axis: Any, row: HeadsInRow, across: Any, up: Any) -> None:
-    """Show what is within `AROUND_MM` of the nozzles, as wide as it is high."""
-    middle = np.array([across.min() + across.max(), up.min() + up.max()]) / 2.0
-    half = max(np.ptp(across), np.ptp(up)) / 2.0 + AROUND_MM
-    axis.set_xlim(middle[0] - half, middle[0] + half)
-    axis.set_ylim(middle[1] - half, middle[1] + half)
-    axis.set_aspect("equal")
 
 
 def draw_row_beside(axis: Any, machine: Machine, row: HeadsInRow) -> None:

@@ -24,7 +24,6 @@ from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.compiled import compiled
 from sim.replay.shapes import (
     Solid,
-    Vertices,
     bounds_of,
     parts_of,
     separations_between,
@@ -157,7 +156,10 @@ def head_conflicts(machine: Machine, pieces: PairMotion) -> list[tuple[int, floa
             actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
             if actions in found or len(found) >= LIMIT:
                 continue
-            gap = _least_gap(a, b, pieces, k)
+            # both move straight and evenly, so the second as seen from the first does too
+            moved = pieces.a[k + 1] - pieces.a[k]
+            swept = swept_vertices(b, pieces.b[k], pieces.b[k + 1] - moved)
+            gap = Solid(a + pieces.a[k]).distance(Solid(swept))
             if gap < reach:
                 found[actions] = k, gap
     return list(found.values())
@@ -233,16 +235,6 @@ def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> Flags:
                 near[n] = False
                 break
     return near
-
-
-def _least_gap(a: Vertices, b: Vertices, pieces: PairMotion, k: int) -> float:
-    """Return how near the two shapes come in one piece.
-
-    Both move straight at uniform speed, so the second as seen from the first
-    does too: sweeping the relative motion is exact.
-    """
-    a0, a1, b0, b1 = pieces.a[k], pieces.a[k + 1], pieces.b[k], pieces.b[k + 1]
-    return Solid(a + a0).distance(Solid(swept_vertices(b, b0, b1 - (a1 - a0))))
 
 
 def rail_breaks(machine: Machine, pieces: PairMotion) -> list[tuple[int, float, int]]:

@@ -48,10 +48,7 @@ class HeadsNear:
 
     gap_mm: float = np.inf
     heads: tuple[int, int] = (-1, -1)
-    action: int = -1  # of the first, and whether it is the rest behind it
-    rest: bool = False
-    other_action: int = -1
-    other_rest: bool = False
+    does: tuple[tuple[int, bool], ...] = ()  # of both an action, and whether the rest behind it
     at_least: bool = False  # they climb aslant: the gap is no smaller than this
 
 
@@ -126,10 +123,8 @@ def come_nearer(
     i, j, at_least = found.tolist()
     if i < 0:
         return known
-    action, other = int(stations.action[i]), int(others.action[j])
-    return HeadsNear(
-        float(best[0]), heads, action, stations.rest, other, others.rest, bool(at_least)
-    )
+    does = (int(stations.action[i]), stations.rest), (int(others.action[j]), others.rest)
+    return HeadsNear(float(best[0]), heads, does, bool(at_least))
 
 
 def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Gap | None:
@@ -138,12 +133,8 @@ def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Ga
     near = least_gap(machine.heads, legs.all_actions, order)
     if near.heads[0] < 0:
         return None
-    r, s = near.heads
-    names = (machine.heads[r].name, machine.heads[s].name)
-    at = (
-        legs.station(r, near.action, near.rest),
-        legs.station(s, near.other_action, near.other_rest),
-    )
+    names = tuple(machine.heads[h].name for h in near.heads)
+    at = tuple(legs.station(h, *does) for h, does in zip(near.heads, near.does, strict=True))
     return Gap(near.gap_mm, machine.head_clearance_mm, names, at, near.at_least)
 
 

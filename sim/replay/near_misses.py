@@ -71,13 +71,6 @@ class NearPrint:
         bead = f"{called} {label[self.bead]}"
         return Gap(self.gap_mm, required, (name,), (f"{does} ({self.part})", bead))
 
-    def take(self, asked: GapQuestion, parts: list[Part]) -> None:
-        """Take over what was found."""
-        best, who = asked[:2]
-        if who[0] >= 0:
-            self.gap_mm, self.move, self.bead = max(0.0, float(best[0])), int(who[0]), int(who[1])
-            self.part = parts[int(who[2])].name
-
 
 GapQuestion = tuple[Floats, Ints, Any, Any, Any, Any, Any]
 """What `sim.replay.gaps.come_nearer` takes."""
@@ -144,8 +137,10 @@ def near_misses(
     found = np.empty((capacity.first, 3), np.int64)
     asked = asked_of(near, beads, order, parts, packed, margins)
     n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found, asked))
-    if near is not None:
-        near.take(asked, parts)
+    move, bead, part = asked[1][:3].tolist()
+    if near is not None and move >= 0:
+        near.gap_mm, near.move, near.bead = max(0.0, float(asked[0][0])), move, bead
+        near.part = parts[part].name
     found = found[:n]
     found[:, 1] = order[found[:, 1]]
     return found, n

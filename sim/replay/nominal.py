@@ -21,7 +21,7 @@ import numpy as np
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats
+from sim.arrays import Flags, Floats, Ints
 from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
@@ -73,17 +73,23 @@ def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[Fla
         waits = np.zeros(len(actions) + 1, np.bool_)
         owner = np.repeat(np.arange(len(actions)), np.diff(actions.after_offsets))
         waits[owner[actions.after_head != h]] = True
-        stopped.append(waits)
-    for g, actions in enumerate(all_actions):
-        for h, other in enumerate(all_actions):
-            mine = (actions.after_head == h) & (h != g)
-            action, point = actions.after_action[mine], actions.after_point[mine]
-            last = np.diff(other.path_offsets)[action] - 1
-            ended = (point == ACTION_END) | (point == last)
-            if release == "point":
-                ended &= other.kind[action] == ActionKind.WAIT
-            stopped[h][action[ended] + 1] = True
-    return [waits[:-1] for waits in stopped]
+        action, point = _awaited(all_actions, h)
+        ended = point == np.diff(actions.path_offsets)[action] - 1
+        if release == "point":
+            ended &= actions.kind[action] == ActionKind.WAIT
+        waits[action[ended] + 1] = True
+        stopped.append(waits[:-1])
+    return stopped
+
+
+def _awaited(all_actions: tuple[HeadActions, ...], head: int) -> tuple[Ints, Ints]:
+    """Return action and point, an end as the last point, of all that others wait for of a head."""
+    others = [(each, each.after_head == head) for h, each in enumerate(all_actions) if h != head]
+    none = np.empty(0, np.int64)
+    action = np.concatenate([none, *(each.after_action[mine] for each, mine in others)])
+    point = np.concatenate([none, *(each.after_point[mine] for each, mine in others)])
+    last = np.diff(all_actions[head].path_offsets)[action] - 1
+    return action, np.where(point == ACTION_END, last, point)
 
 
 def check_least(all_actions: tuple[HeadActions, ...], least: list[Floats]) -> list[Fault]:
@@ -180,7 +186,8 @@ def check_signals(document: PlanDocument, all_actions: tuple[HeadActions, ...]) 
     lines = []
     for h, actions in enumerate(all_actions):
         clocks: dict[int, Floats] = {}
-        places = sorted(_asked(all_actions, h))
+        asked = (column.tolist() for column in _awaited(all_actions, h))
+        places = sorted(set(zip(*asked, strict=True)))
         for action, _ in places:
             if action not in clocks:
                 clocks[action] = _clock(document, actions, action)
@@ -192,21 +199,6 @@ def check_signals(document: PlanDocument, all_actions: tuple[HeadActions, ...]) 
                     f"{p} of action {k}; the controller tells {interval_s:g} s apart"
                 )
     return listed(FaultKind.TIMES, lines)
-
-
-def _asked(all_actions: tuple[HeadActions, ...], head: int) -> set[tuple[int, int]]:
-    """Return action and point, an end as the last point, of all that others wait for of a head."""
-    sizes = np.diff(all_actions[head].path_offsets)
-    found = set()
-    for h, actions in enumerate(all_actions):
-        if h == head:
-            continue
-        mine = actions.after_head == head
-        action, point = actions.after_action[mine], actions.after_point[mine]
-        last = sizes[action] - 1
-        point = np.where(point == ACTION_END, last, point)
-        found |= set(zip(action.tolist(), point.tolist(), strict=True))
-    return found
 
 
 def _clock(document: PlanDocument, actions: HeadActions, action: int) -> Floats:

@@ -41,7 +41,9 @@ def changes_by(plans: Sequence[Anew], blobs: Blobs) -> list[dict[str, Any]]:
     for old, new in pairwise(plans):
         old_end_s = begin_s + old.document.plan.makespan_s
         begin_s = min(event.time_s for event in new.log.events)
-        left = _left(old)
+        left = np.ones(len(old.document.contours), np.bool_)  # what it left unprinted
+        for actions in happened(old.document, old.log).plan.heads:
+            left[_printed(actions)] = False
         carried = happened(new.document, new.log).plan
         found.append(
             {
@@ -52,18 +54,18 @@ def changes_by(plans: Sequence[Anew], blobs: Blobs) -> list[dict[str, Any]]:
                 "left": int(left.sum()),
                 "heads": _of_heads(old.document.plan, new.document.plan, left),
                 "moved": _moved(old.document, new.document, left),
-                "rows": [_row(actions, blobs) for actions in carried.heads],
+                "rows": [
+                    {
+                        "name": actions.head,
+                        "n": len(actions),
+                        "kind": blobs.add(actions.kind),
+                        **times_of(actions, blobs),
+                    }
+                    for actions in carried.heads
+                ],
             }
         )
     return found
-
-
-def _left(old: Anew) -> Flags:
-    """Tell which beads of a plan it left unprinted, (n,)."""
-    left = np.ones(len(old.document.contours), np.bool_)
-    for actions in happened(old.document, old.log).plan.heads:
-        left[_printed(actions)] = False
-    return left
 
 
 def _of_heads(old: JointPlan, new: JointPlan, left: Flags) -> list[dict[str, Any]]:
@@ -125,10 +127,3 @@ def _old_of(old: Contours, new: Contours, left: Flags) -> Ints:
         )
         of_whole[k] = min(at_begin & at_end or at_end or at_begin, default=NOBODY)
     return np.asarray(of_whole[back.ravel()])
-
-
-def _row(actions: HeadActions, blobs: Blobs) -> dict[str, Any]:
-    return {
-        "name": actions.head, "n": len(actions), "kind": blobs.add(actions.kind),
-        **times_of(actions, blobs),
-    }  # fmt: skip

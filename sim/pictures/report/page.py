@@ -71,15 +71,10 @@ def write_run_report(
 
     Parameters
     ----------
-    path : file to write
-    document : the plan that was carried out
-    log : what happened
+    document, log : the plan that was carried out, and what happened
     file : name of the source
-    contacts : how often heads touched
-    in_the_end : beads that were printed in all, where the rest was planned anew
-    on_print : contacts of heads with the print, in words
-    anew : the plans that took its place, in turn, of which heads began some action
-    missing : what of them is not finished, or is printed with another tool, in words
+    contacts, in_the_end, on_print, missing : as in `CarriedOut`
+    anew : the plans that took its place, in turn; one of which nothing was begun does not count
     """
     after = happened(document, log)
     printed = sum(int((head.kind == ActionKind.PRINT).sum()) for head in after.plan.heads)
