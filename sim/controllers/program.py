@@ -100,9 +100,6 @@ class HotEnd:
     cool_c_s: float = COOL_C_S
 
 
-USUAL_HOT_END = HotEnd()
-
-
 @dataclass(frozen=True, slots=True)
 class HeadProgram:
     """What one head's controller carries out; move i goes from points[i] to points[i + 1]."""
@@ -120,7 +117,7 @@ class HeadProgram:
     begins: int = 0  # stops above which the print has not begun: start code
     ends: int | None = None  # stops above which it has: below is end code; None: there is none
     first_layer: int = 0  # line of the file that names the first layer; 0: none does
-    hot_end: HotEnd = USUAL_HOT_END  # which TARGET and HEAT are for
+    hot_end: HotEnd = field(default_factory=HotEnd)  # which TARGET and HEAT are for
 
     __repr__ = brief("name", "points", "stops.kind")
 

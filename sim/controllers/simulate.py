@@ -145,7 +145,8 @@ def simulate(
     Timing errors that break central plans: JMD 145(1) 012003.
     """
     programs = tuple(programs)
-    heads = [_head_of(machine, program, k) for k, program in enumerate(programs)]
+    named, last = {head.name: head for head in machine.heads}, len(machine.heads) - 1
+    heads = [named.get(p.name, machine.heads[min(k, last)]) for k, p in enumerate(programs)]
     profiles = tuple(profile_of(program, queue) for program in programs)
     rest_s = machine.rest_s if len(programs) > 1 else 0.0
     seconds = [profile.seconds for profile in profiles]
@@ -160,17 +161,9 @@ def simulate(
     for name, errors in drawn:
         on_trial(found, expected)
         found.append(judged(name, errors, carry_out(programs, seconds, errors, rest_s), again))
-    begin, end = _begin(programs, nominal), _end(programs, nominal)
-    waits = _waits(programs, nominal)
-    span = (begin, end)
+    span, waits = (_begin(programs, nominal), _end(programs, nominal)), _waits(programs, nominal)
     figures = tuple(_figures(nominal, h, each, span, waits) for h, each in enumerate(programs))
-    return Simulation(programs, profiles, nominal, begin, figures, waits, tuple(found))
-
-
-def _head_of(machine: Machine, program: HeadProgram, place: int) -> Head:
-    """Return the head that a program is for: by its name, else by its place."""
-    named = [head for head in machine.heads if head.name == program.name]
-    return named[0] if named else machine.heads[min(place, len(machine.heads) - 1)]
+    return Simulation(programs, profiles, nominal, span[0], figures, waits, tuple(found))
 
 
 def _errors(

@@ -33,7 +33,6 @@ from sim.pictures.layer_travels import (
 from sim.pictures.layer_view import (
     SHADOW,
     LayerView,
-    cut_handle,
     draw_layer,
     draw_pieces,
     legend_of,
@@ -164,9 +163,8 @@ def _draw_shares(figure: Figure, sheet: Sheet, view: LayerView, grids: Floats) -
         _show(axis, grids, colours, sheet.extent)
         of_layers = "all layers"
     else:
-        draw_pieces(axis, after, view.layer, inch_a_mm=sheet.inch_a_mm)
+        handles.append(draw_pieces(axis, after, view.layer, inch_a_mm=sheet.inch_a_mm))
         of_layers = f"layer {view.row + 1}, piece by piece"
-        handles.append(cut_handle())
     axis.set_title(f"who prints what: {of_layers}\n{_who(after)}")
     if ((grids > 0.0).sum(axis=0) > 1).any():
         stripes: Any = {"fc": colours[0], "ec": colours[1], "hatch": "////", "lw": 0}

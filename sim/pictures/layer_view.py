@@ -76,18 +76,17 @@ def changed_colour(head: int, heads: int, *, gone: bool) -> str:
     return head_colour(head, heads) if heads > 1 else "#1f77b4"
 
 
-def draw_pieces(axis: Any, document: PlanDocument, layer: int, *, inch_a_mm: float) -> None:
-    """Draw the pieces of a layer in shades of who prints them, and the cuts between them."""
+def draw_pieces(axis: Any, document: PlanDocument, layer: int, *, inch_a_mm: float) -> Any:
+    """Draw the pieces of a layer in shades of who prints them, and the cuts between them.
+
+    Return the legend's entry of cuts.
+    """
     contours = document.contours
     _draw_beads(axis, document, layer, inch_a_mm, SHADES)
     at = cuts_of(contours).before
     owner = np.searchsorted(contours.offsets, at, side="right") - 1
     x, y = contours.points[at[contours.layer[owner] == layer], :2].T
     axis.plot(x, y, ".", color=MARK, ms=1.6, mew=0.0, zorder=3, rasterized=True)
-
-
-def cut_handle() -> Any:
-    """Return the legend's entry of cuts."""
     return Line2D([], [], color=MARK, marker=".", ls="", label="cut; shades: pieces")
 
 

@@ -129,10 +129,11 @@ def near_misses(
     grid, shape = raster.grid_over(low, high)
     _refuse_too_many(rows, grid, shape, max(capacity.cells, capacity.cells_each * len(rows)))
     moves = np.ascontiguousarray(moves, np.float64)
+    every = np.arange(len(moves))
     kept = _that_matter(moves, since, rows[:, 6], float(heights.min()))
     if not len(kept):
         return np.empty((0, 3), np.int64), 0
-    rows, order, upto = rows[kept], order[kept], _there_by(since[kept], len(moves))
+    rows, order, upto = rows[kept], order[kept], np.searchsorted(since[kept], every, side="right")
     entries = raster.count_entries(rows, grid, shape)
     found = np.empty((capacity.first, 3), np.int64)
     asked = asked_of(near, beads, order, parts, packed, margins)
@@ -146,17 +147,13 @@ def near_misses(
     return found, n
 
 
-def _there_by(since: Ints, n_moves: int) -> Ints:
-    """Return how many beads, sorted by `since`, may be there at each move, (n_moves,)."""
-    return np.searchsorted(since, np.arange(n_moves), side="right")
-
-
 def _that_matter(moves: Floats, since: Ints, tops: Floats, least: float) -> Ints:
     """Return the beads that are higher than some part of the head on a move made later.
 
     A head that prints layer by layer never goes below the top of anything, so there are none.
     """
-    lowest = raster.lowest_asked(moves, _there_by(since, len(moves)), tops, least)
+    upto = np.searchsorted(since, np.arange(len(moves)), side="right")  # there at each move
+    lowest = raster.lowest_asked(moves, upto, tops, least)
     there = np.flatnonzero(since < len(moves))
     return there[tops[there] > lowest[np.maximum(since[there], 0)]]
 
