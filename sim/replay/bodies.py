@@ -79,7 +79,7 @@ def concurrent(
     r: int,
     s: int,
 ) -> Iterator[tuple[Stations, Stations]]:
-    """Yield what head r does beside what head s may do meanwhile, each pair of them once.
+    """Yield what head r does beside what head s may do meanwhile, rests first, each pair once.
 
     Asked for (r, s) and (s, r), this covers all: whenever two heads rest at the
     same time, the one that came last moved while the other rested, or neither

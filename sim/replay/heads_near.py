@@ -99,9 +99,9 @@ def least_gap(
     for r, s in combinations(range(len(heads)), 2):
         for pair in ((r, s), (s, r)):
             shapes = shapes_of(parts[pair[0]], parts[pair[1]])
-            found = concurrent(heads, all_actions, order, *pair)
-            # actions first: a rest is where one ended, and should not be named in its place
-            for stations, others in sorted(found, key=lambda both: both[0].rest):
+            rests, *moves = concurrent(heads, all_actions, order, *pair)
+            # rests last: each is where an action ended, which is what should be named
+            for stations, others in (*moves, rests):
                 known = come_nearer(known, pair, stations, others, shapes)
     return known
 

@@ -77,8 +77,8 @@ def facts_of(before: PlanDocument, after: PlanDocument, details: ReportDetails) 
                 "key": key,
                 "label": label,
                 "unit": "mm" if key.endswith("_mm") else "",
-                "before": was[key],
-                "after": now[key],
+                "before": was.get(key),
+                "after": now.get(key),
             }
             for key, label in MAKERS.items()
             if isinstance(was.get(key), int | float) and isinstance(now.get(key), int | float)
