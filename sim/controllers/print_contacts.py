@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -97,8 +98,8 @@ def _moves(
              np.zeros(m, np.bool_), np.full(m, BEFORE), np.full(m, NO_LAYER), before.height[of],
              before.width[of] / 2)
         )  # fmt: skip
-    columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
-    return Moves(*columns, widest=float(columns[-1].max(initial=0.0)))
+    columns: list[Any] = [np.concatenate(column) for column in zip(*rows, strict=True)]
+    return Moves(*columns, float(columns[-1].max(initial=0.0)))
 
 
 def _parts(heads: Sequence[Head], clearance_mm: float) -> Prisms:

@@ -15,6 +15,7 @@ Along a travel, whose feed the plan does not state, a point is passed as if at a
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TypeGuard
 
 import numpy as np
 
@@ -123,7 +124,7 @@ def check_metrics(document: PlanDocument, all_actions: tuple[HeadActions, ...]) 
     return listed(FaultKind.TIMES, lines)
 
 
-def _is_number(stated: object) -> bool:
+def _is_number(stated: object) -> TypeGuard[float]:
     return isinstance(stated, int | float) and not isinstance(stated, bool)
 
 
