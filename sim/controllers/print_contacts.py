@@ -99,7 +99,8 @@ def _moves(
              before.width[of] / 2)
         )  # fmt: skip
     columns: list[Any] = [np.concatenate(column) for column in zip(*rows, strict=True)]
-    return Moves(*columns, float(columns[-1].max(initial=0.0)))
+    widest = float(columns[-1].max(initial=0.0))
+    return Moves(*[*columns, widest])
 
 
 def _parts(heads: Sequence[Head], clearance_mm: float) -> Prisms:
