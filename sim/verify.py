@@ -39,7 +39,7 @@ from sim.replay.contacts import (
 from sim.replay.execution import check_replays
 from sim.replay.fenced import beads_for, check_fenced, moves_of
 from sim.replay.heads_near import nearest_heads
-from sim.replay.least import least_of_heads, with_waits
+from sim.replay.least import least_arrivals, with_waits
 from sim.replay.material import find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_signals, check_times
 from sim.replay.shapes import as_material, beads_there
@@ -119,7 +119,8 @@ def verify_plan(
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
         faults += check_order(document, source, legs, order, held)
-        least = least_of_heads(document, legs.whole, source)
+        rests = len(legs.whole) > 1  # each may have to wait for another
+        least = [least_arrivals(document, each, source, rests=rests) for each in legs.whole]
         faults += check_least(legs.whole, least) + check_metrics(document, legs.whole)
         faults += check_welds(document, legs.whole, held.weld_limit_s)
         prints = prints_of(len(document.contours), legs.all_actions, order)

@@ -31,7 +31,7 @@ def adversaries(
     """Yield errors of all heads that make the nearest points meet; `run` is without errors."""
     legs = [_legs(program) for program in programs]
     clocks = _clocks(programs, [above for _, _, above in legs])
-    boxes = [_boxes(program, *leg) for program, leg in zip(programs, legs, strict=True)]
+    boxes = [_boxes(program, *leg[:2]) for program, leg in zip(programs, legs, strict=True)]
     for a, b in combinations(range(len(programs)), 2):
         shapes = shape_of(heads[a]), shape_of(heads[b])
         reach = np.stack([shapes[1].box[0] - shapes[0].box[1], shapes[0].box[0] - shapes[1].box[1]])
@@ -50,8 +50,7 @@ def adversaries(
             errors = [no_error(program) for program in programs]
             firsts = int(spans[0][k, 0]), int(spans[1][k, 0])
             when = [
-                _reaches(run.heads[h], first, int(points[k, n]))
-                for n, (h, first) in enumerate(zip((a, b), firsts, strict=True))
+                _reaches(run.heads[h], firsts[n], int(points[k, n])) for n, h in enumerate((a, b))
             ]
             if np.isfinite(when).all():
                 early = int(when[1] < when[0])
@@ -71,12 +70,10 @@ def _legs(program: HeadProgram) -> tuple[Ints, Ints, Ints]:
     return places[above], places[above + 1], above
 
 
-def _boxes(program: HeadProgram, first: Ints, end: Ints, above: Ints) -> Floats:
+def _boxes(program: HeadProgram, first: Ints, end: Ints) -> Floats:
     """Return least and most of where the tip is in each leg, (k, 2, 3)."""
-    rows = np.stack([first, end], axis=1)
-    found = [(program.points[a : b + 1].min(axis=0), program.points[a : b + 1].max(axis=0))
-             for a, b in rows.tolist()]  # fmt: skip
-    return np.array(found).reshape(-1, 2, 3)
+    ways = [program.points[a : b + 1] for a, b in zip(first.tolist(), end.tolist(), strict=True)]
+    return np.array([(way.min(axis=0), way.max(axis=0)) for way in ways]).reshape(-1, 2, 3)
 
 
 def _clocks(programs: Sequence[HeadProgram], above: Sequence[Ints]) -> list[Ints]:
@@ -84,7 +81,7 @@ def _clocks(programs: Sequence[HeadProgram], above: Sequence[Ints]) -> list[Ints
 
     `above` are the stops above each leg; a stop is a line for what sync points order.
     """
-    known = Knowledge([list(_syncs(program.stops)) for program in programs])
+    known = Knowledge([_syncs(program.stops) for program in programs])
     ended = [
         np.searchsorted(own, np.arange(len(program.stops) + 1))
         for own, program in zip(above, programs, strict=True)
@@ -98,10 +95,10 @@ def _clocks(programs: Sequence[HeadProgram], above: Sequence[Ints]) -> list[Ints
     ]
 
 
-def _syncs(stops: Stops) -> Iterator[Sync]:
-    for line, (kind, number) in enumerate(zip(stops.kind, stops.number, strict=True), 1):
-        if kind in (StopKind.SIGNAL, StopKind.PASS, StopKind.WAIT):
-            yield Sync(line, kind != StopKind.WAIT, int(number))
+def _syncs(stops: Stops) -> list[Sync]:
+    rows = enumerate(zip(stops.kind.tolist(), stops.number.tolist(), strict=True), 1)
+    kinds = (StopKind.SIGNAL, StopKind.PASS, StopKind.WAIT)
+    return [Sync(n, kind != StopKind.WAIT, number) for n, (kind, number) in rows if kind in kinds]
 
 
 @compiled

@@ -14,7 +14,7 @@ import numpy as np
 from decmcts.print.brief import brief
 from sim.arrays import Floats, Ints
 from sim.controllers.compiled import compiled
-from sim.controllers.program import HeadProgram, StopKind
+from sim.controllers.program import HeadProgram, StopKind, Stops
 from sim.controllers.timing import Error
 
 _DWELL, _WAIT, _SIGNAL, _PASS, _REST, _TARGET, _HEAT = map(int, StopKind)
@@ -70,28 +70,22 @@ def carry_out(
         first, kind, number, value, work, rest_s, hot_ends, reached, left, by, given, giver, done,
         ends,
     )  # fmt: skip
-    heads = tuple(
-        _head_run(program, late[h], slice(int(first[h]), int(first[h + 1])), reached, left, by,
-                  float(ends[h]))
-        for h, program in enumerate(programs)
-    )  # fmt: skip
-    stuck = [
-        (h, int(done[h]) - 1) for h in range(len(programs)) if done[h] < first[h + 1] - first[h]
-    ]
-    return Run(heads, tuple(stuck))
+    heads = []
+    for h, program in enumerate(programs):
+        rows = slice(int(first[h]) + 1, int(first[h + 1]))
+        begin = _begins(program.stops, late[h], left[rows.start - 1 : rows.stop])
+        end = begin + late[h]
+        heads.append(HeadRun(reached[rows], left[rows], by[rows], begin, end, float(ends[h])))
+    stuck = np.flatnonzero(done < np.diff(first))
+    return Run(tuple(heads), tuple((h, int(done[h]) - 1) for h in stuck.tolist()))
 
 
-def _head_run(
-    program: HeadProgram, seconds: Floats, rows: slice, reached: Floats, left: Floats, by: Ints,
-    end_s: float,
-) -> HeadRun:  # fmt: skip
-    """Return when the moves of one head began: each so long after the last stop was left."""
-    gone = left[rows]  # the start is the first
+def _begins(stops: Stops, seconds: Floats, gone: Floats) -> Floats:
+    """Return when moves begin, (m,): each so long after the last stop, or the start, was left."""
     until = np.concatenate([[0.0], np.cumsum(seconds)])
-    stop = np.searchsorted(program.stops.before, np.arange(len(seconds)), side="right")
-    origin = until[np.concatenate([[0], program.stops.before])][stop]
-    begin = gone[stop] + until[:-1] - origin
-    return HeadRun(reached[rows][1:], gone[1:], by[rows][1:], begin, begin + seconds, end_s)
+    stop = np.searchsorted(stops.before, np.arange(len(seconds)), side="right")
+    origin = until[np.concatenate([[0], stops.before])][stop]
+    return np.asarray(gone[stop] + until[:-1] - origin)
 
 
 @compiled

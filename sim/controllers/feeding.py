@@ -84,7 +84,7 @@ class Work:
     def at(self, action: int, seconds: float) -> Point:
         """Return where the nozzle is so long after an action's first move began."""
         if action >= len(self) or seconds <= 0.0:
-            return place_of(self.program.points[int(self.first[min(action, len(self))])])
+            return self.corner(min(action, len(self)))
         a, b = int(self.first[action]), int(self.first[action + 1])
         if a == b:
             return self.corner(action)
@@ -98,14 +98,11 @@ class Work:
 
 def _stood(actions: HeadActions, program: HeadProgram, first: Ints, h: int) -> Flags:
     """Tell which actions begin behind a rest for another head, (k,)."""
-    waits = np.zeros(len(actions), np.bool_)
-    for k in range(len(actions)):
-        rows = slice(int(actions.after_offsets[k]), int(actions.after_offsets[k + 1]))
-        waits[k] = bool((actions.after_head[rows] != h).any())
-    signals = program.stops.before[program.stops.kind == StopKind.SIGNAL]
+    signals = set(program.stops.before[program.stops.kind == StopKind.SIGNAL].tolist())
     stood, rests = np.zeros(len(actions), np.bool_), False
     for k in range(len(actions)):
-        rests = rests or bool(waits[k]) or int(first[k]) in signals
+        waits = any(edge.head != h for edge in actions.after_edges(k))
+        rests = rests or waits or int(first[k]) in signals
         if first[k + 1] > first[k]:
             stood[k], rests = rests, False
     return stood
@@ -206,4 +203,4 @@ class Feeding:
         """Return where the nozzle is."""
         if self.begun:
             return self.work.at(self.action, now_s - self.begin_s)
-        return place_of(self.work.program.points[int(self.work.first[self.action])])
+        return self.work.corner(self.action)

@@ -19,7 +19,7 @@ from decmcts.formats.gcode.dialects.dialect import is_layer_comment
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
 from decmcts.print.motion_kernels import FACTOR
-from sim.arrays import Floats, Ints
+from sim.arrays import Ints
 from sim.controllers.program import (
     AMBIENT_C,
     HeadProgram,
@@ -86,7 +86,10 @@ def _program(file: HeadFile, machine: Machine, index: dict[int, int]) -> HeadPro
     stops, begins, ends, warm_c = _stops(file, line, index)
     rates = [head.idle.heat_c_s for head in machine.heads if head.name == file.name]
     hot_end = HotEnd(warm_c, *rates[:1])
-    feed = _in_force(moves.feed) * rows[moves.row, FACTOR]
+    # controllers pass over feeds that are not above 0: the last one is in force
+    last = np.maximum.accumulate(np.where(moves.feed > 0.0, np.arange(len(moves.feed)), -1))
+    feed = np.where(last >= 0, moves.feed[np.maximum(last, 0)], FIRST_FEED)
+    feed *= rows[moves.row, FACTOR]
     program = HeadProgram(
         file.name or Path(file.path).name, moves.points, moves.filament, feed,
         moves.row.astype(np.int64), tuple(limits_of(row) for row in rows), moves.rest,
@@ -102,12 +105,6 @@ def first_layer_of(text: bytes) -> int:
         if is_layer_comment(comment[1].decode("latin-1").rstrip()):
             return text.count(b"\n", 0, comment.start()) + 1
     return 0
-
-
-def _in_force(feed: Floats) -> Floats:
-    """Return the feeds in force, (m,): controllers pass over those that are not above 0."""
-    last = np.maximum.accumulate(np.where(feed > 0.0, np.arange(len(feed)), -1))
-    return np.where(last >= 0, feed[np.maximum(last, 0)], FIRST_FEED)
 
 
 def _limits_for(file: HeadFile, machine: Machine) -> tuple[MotionLimits, bool]:
@@ -132,9 +129,8 @@ def _stops(
     set_up = next((sync.line for sync in file.syncs if sync.signal), len(file.lines) + 1)
     found = list[tuple[int, int, int, float]]()  # line, kind, number, seconds
     for sync in file.syncs:
-        kind = (
-            StopKind.WAIT if not sync.signal else StopKind.PASS if sync.moving else StopKind.SIGNAL
-        )
+        gives = StopKind.PASS if sync.moving else StopKind.SIGNAL
+        kind = gives if sync.signal else StopKind.WAIT
         found.append((sync.line, kind, index[sync.number], 0.0))
     heaters = Heaters()
     for row, code in file.others:

@@ -12,38 +12,23 @@ from dataclasses import replace
 import numpy as np
 
 from decmcts.print.machine import MotionLimits
-from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
-from decmcts.print.signals import Place, places_of
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
+from decmcts.print.signals import places_of
 from sim.arrays import Floats, Ints
 from sim.content.seams import laid_by
 from sim.controllers.motion import QUEUE, profile_of
 from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
 
 HAIR_S = 1e-4  # by which an action may be shorter than the plan says
-SignalIndex = dict[Place, int]  # index of the signal of each
 
 
 def programs_of_plan(document: PlanDocument, queue: int = QUEUE) -> tuple[HeadProgram, ...]:
     """Return the program of each head of a plan that the judge has passed, or not."""
-    signals = _signals(document.plan)
-    return tuple(_program(document, h, signals, queue) for h in range(len(document.plan.heads)))
+    return tuple(program_of_head(document, h, queue) for h in range(len(document.plan.heads)))
 
 
 def program_of_head(document: PlanDocument, h: int, queue: int = QUEUE) -> HeadProgram:
     """Return the program of one head, with signals numbered as among all of them."""
-    return _program(document, h, _signals(document.plan), queue)
-
-
-def _signals(plan: JointPlan) -> SignalIndex:
-    """Return the index of the signal of each place that another head waits for."""
-    found = {
-        place for h, head in enumerate(plan.heads) for place in places_of(plan, head)
-        if place[0] != h
-    }  # fmt: skip
-    return {place: k for k, place in enumerate(sorted(found))}
-
-
-def _program(document: PlanDocument, h: int, signals: SignalIndex, queue: int) -> HeadProgram:
     actions, machine = document.plan.heads[h], document.machine
     head = machine.head(actions.head)
     limits = machine.limits_of(head)
@@ -54,14 +39,16 @@ def _program(document: PlanDocument, h: int, signals: SignalIndex, queue: int) -
     feed, filament, rate = _of_prints(document, actions, limits)
     begin = actions.path[:1] if len(actions) else np.array([head.park])
     points = np.concatenate([begin, actions.path[inner]])
-    rows, row = _limits(limits, rate[inner])
+    own = np.where(np.nan_to_num(rate[inner]) > 0.0, rate[inner], limits.acceleration)
+    kinds, row = np.unique(own, return_inverse=True)
+    rows = tuple(replace(limits, acceleration=kind) for kind in kinds.tolist())
     program = HeadProgram(
-        actions.head, points, filament[inner], feed[inner], row, rows,
+        actions.head, points, filament[inner], feed[inner], row.astype(np.int64), rows,
         np.diff(action, prepend=-1) != 0, action, np.zeros(len(action), np.int64), stops_of([]),
     )  # fmt: skip
     motion = np.zeros(len(actions))
     np.add.at(motion, action, profile_of(program, queue).seconds)
-    return replace(program, stops=_stops(document, h, signals, action, motion))
+    return replace(program, stops=_stops(document, h, action, motion))
 
 
 def _of_prints(
@@ -85,19 +72,16 @@ def _of_prints(
     return feed, filament, rate
 
 
-def _limits(limits: MotionLimits, rate: Floats) -> tuple[tuple[MotionLimits, ...], Ints]:
-    """Return one set of limits for each acceleration of printing, and which of them hold."""
-    own = np.where(np.nan_to_num(rate) > 0.0, rate, limits.acceleration)
-    kinds, row = np.unique(own, return_inverse=True)
-    return tuple(replace(limits, acceleration=float(k)) for k in kinds), row.astype(np.int64)
-
-
-def _stops(
-    document: PlanDocument, h: int, signals: SignalIndex, action: Ints, motion: Floats
-) -> Stops:
+def _stops(document: PlanDocument, h: int, action: Ints, motion: Floats) -> Stops:
+    plan = document.plan
+    given = {
+        place for g, head in enumerate(plan.heads) for place in places_of(plan, head)
+        if place[0] != g
+    }  # fmt: skip
+    signals = {place: k for k, place in enumerate(sorted(given))}  # of all heads alike
     actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
     at_rest = document.machine.release == "action"
-    awaited = places_of(document.plan, actions)
+    awaited = places_of(plan, actions)
     place = np.searchsorted(action, np.arange(len(actions) + 1))
     due = actions.end_s - actions.begin_s - motion
     mine: dict[int, list[tuple[int, int]]] = {}

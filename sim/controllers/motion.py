@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from decmcts.print.brief import brief
-from decmcts.print.machine import MotionLimits
 from sim.arrays import Flags, Floats, Ints
 from sim.controllers.compiled import compiled
 from sim.controllers.program import HeadProgram
@@ -44,7 +43,13 @@ class Profile:
 
 def profile_of(program: HeadProgram, queue: int = QUEUE) -> Profile:
     """Return how a controller with a queue of so many moves runs a program; linear in its moves."""
-    rows = np.array([_row(limits) for limits in program.limits])
+    rows = np.array(
+        [
+            [*its.max_feed, *its.max_acceleration, *its.jerk, its.acceleration,
+             its.retract_acceleration, its.travel_acceleration, its.junction_deviation]
+            for its in program.limits
+        ]
+    )  # fmt: skip
     m = len(program.feed)
     found, safe, joint = np.zeros((m, 6)), np.zeros(m), np.full(m + 1, APART)
     if m:
@@ -54,12 +59,6 @@ def profile_of(program: HeadProgram, queue: int = QUEUE) -> Profile:
         )
         _speeds(found, safe, joint, queue)
     return Profile(*(np.ascontiguousarray(column) for column in found.T))
-
-
-def _row(limits: MotionLimits) -> list[float]:
-    own = (limits.acceleration, limits.retract_acceleration, limits.travel_acceleration)
-    return [*limits.max_feed, *limits.max_acceleration, *limits.jerk, *own,
-            limits.junction_deviation]  # fmt: skip
 
 
 @compiled

@@ -4,8 +4,6 @@ Conservative advancement: where heads are so far apart and can be so fast, nothi
 for so long, and that time is skipped. So the least distance is found however short it lasts, to
 `CLOSEST_MM`. Heads are upright prisms (slices and boxes), so their distance is that of polygons
 and of heights.
-
-Distances of convex polygons on the plane, compiled.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from decmcts.print.machine import Head, Machine
+from decmcts.print.machine import Head, Machine, Point
 from sim.arrays import Flags, Floats, Ints
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.compiled import compiled
@@ -69,7 +67,7 @@ class HeadContact:
     time_s: float
     seconds: float
     gap_mm: float  # the least of it
-    at: tuple[tuple[float, float, float], tuple[float, float, float]]
+    at: tuple[Point, Point]
     what: str  # "bodies" or "rail"
 
 
@@ -80,7 +78,7 @@ class Near:
     heads: tuple[int, int]
     gap_mm: float  # the least between their shapes
     time_s: float
-    at: tuple[tuple[float, float, float], tuple[float, float, float]]
+    at: tuple[Point, Point]
     rail_mm: float  # the least of what lies between them on a rail beyond its separation; inf: none
     bins: Floats  # (BINS,) least distance in each span of the time, mm
     contacts: tuple[HeadContact, ...]
@@ -99,19 +97,17 @@ def shape_of(head: Head) -> Shape:
     """Return the prisms of a head; its slices fill all above them."""
     parts = parts_of(head)
     polygons = [part.polygon for part in parts]
-    heights = [(part.low, TALL_MM if part.slice else part.high) for part in parts]
-    if not polygons:
-        return Shape(np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0),
-                     np.zeros((0, 2, 2)), np.zeros(0, np.bool_),
-                     np.array([[np.inf] * 3, [-np.inf] * 3]))  # fmt: skip
-    corners, table = np.concatenate(polygons), np.array(heights)
-    offsets = np.concatenate([[0], np.cumsum([len(p) for p in polygons])]).astype(np.int64)
-    box = np.array(
-        [[*corners.min(axis=0), table[:, 0].min()], [*corners.max(axis=0), table[:, 1].max()]]
+    low = np.array([part.low for part in parts], np.float64)
+    high = np.array([TALL_MM if part.slice else part.high for part in parts], np.float64)
+    offsets = np.cumsum([0, *map(len, polygons)]).astype(np.int64)
+    corners = np.concatenate([np.zeros((0, 2)), *polygons])
+    least = [*corners.min(axis=0, initial=np.inf), low.min(initial=np.inf)]
+    most = [*corners.max(axis=0, initial=-np.inf), high.max(initial=-np.inf)]
+    sides = np.array([[p.min(axis=0), p.max(axis=0)] for p in polygons]).reshape(-1, 2, 2)
+    upright = [_is_upright(p, box) for p, box in zip(polygons, sides, strict=True)]
+    return Shape(
+        offsets, corners, low, high, sides, np.array(upright, np.bool_), np.array([least, most])
     )
-    sides = np.array([[p.min(axis=0), p.max(axis=0)] for p in polygons])
-    upright = np.array([_is_upright(p, box) for p, box in zip(polygons, sides, strict=True)])
-    return Shape(offsets, corners, table[:, 0].copy(), table[:, 1].copy(), sides, upright, box)
 
 
 def _is_upright(polygon: Floats, sides: Floats) -> bool:
@@ -129,28 +125,23 @@ def nearness(
     `heads` are those of the courses, in their order.
     """
     shapes = [shape_of(head) for head in heads]
-    return tuple(
-        _pair(machine, (a, b), heads, courses, shapes, (begin_s, end_s))
-        for a, b in combinations(range(len(courses)), 2)
-    )
-
-
-def _pair(
-    machine: Machine, pair: tuple[int, int], heads: Sequence[Head], courses: Sequence[Course],
-    shapes: Sequence[Shape], span: tuple[float, float],
-) -> Near:  # fmt: skip
-    a, b = pair
-    rails = rail_rows(machine, heads[a], heads[b])
-    fastest = sum(float((courses[h].top / courses[h].slow).max(initial=0.0)) for h in pair)
-    bins, least = np.full(BINS, np.inf), np.full(9, np.inf)
-    found = np.zeros((MOST_CONTACTS, 10))
-    n = _advance(
-        courses[a], courses[b], shapes[a], shapes[b], rails, machine.head_clearance_mm - TOUCH_MM,
-        max(fastest, 1.0), span[0], span[1], bins, least, found,
-    )  # fmt: skip
-    contacts = tuple(_contact(pair, row) for row in found[:n].tolist())
-    gap, time_s, rail = least[:3].tolist()
-    return Near(pair, gap, time_s, _two(least[3:9].tolist()), rail, bins, contacts)
+    fastest = [float((course.top / course.slow).max(initial=0.0)) for course in courses]
+    limit, found = machine.head_clearance_mm - TOUCH_MM, []
+    for a, b in combinations(range(len(courses)), 2):
+        rails = rail_rows(machine, heads[a], heads[b])
+        bins, least = np.full(BINS, np.inf), np.full(9, np.inf)
+        met = np.zeros((MOST_CONTACTS, 10))
+        n = _advance(
+            courses[a], courses[b], shapes[a], shapes[b], rails, limit,
+            max(fastest[a] + fastest[b], 1.0), begin_s, end_s, bins, least, met,
+        )  # fmt: skip
+        contacts = tuple(
+            HeadContact((a, b), begin, end - begin, gap, _two(at), "rail" if rail else "bodies")
+            for begin, end, gap, *at, rail in met[:n].tolist()
+        )
+        gap, time_s, rail, *at = least.tolist()
+        found.append(Near((a, b), gap, time_s, _two(at), rail, bins, contacts))
+    return tuple(found)
 
 
 def rail_rows(machine: Machine, a: Head, b: Head) -> Floats:
@@ -158,13 +149,8 @@ def rail_rows(machine: Machine, a: Head, b: Head) -> Floats:
     return np.array(separations_between(machine, a, b), np.float64).reshape(-1, 3)
 
 
-def _contact(pair: tuple[int, int], row: Sequence[float]) -> HeadContact:
-    what = "rail" if row[9] else "bodies"
-    return HeadContact(pair, row[0], row[1] - row[0], row[2], _two(row[3:9]), what)
-
-
-def _two(six: Sequence[float]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    a, b, c, d, e, f = map(float, six)
+def _two(six: Sequence[float]) -> tuple[Point, Point]:
+    a, b, c, d, e, f = six
     return (a, b, c), (d, e, f)
 
 

@@ -77,47 +77,30 @@ def print_contacts(
 def _moves(
     programs: Sequence[HeadProgram], runs: Sequence[HeadRun], material: Material, begin_s: float
 ) -> Moves:
-    found = [
-        _moves_of(h, *each, begin_s)
-        for h, each in enumerate(zip(programs, runs, material.beads, strict=True))
-    ]
-    return _joined(found if material.before is None else [*found, _standing(material.before)])
-
-
-def _moves_of(
-    h: int, program: HeadProgram, run: HeadRun, beads: MoveBeads, begin_s: float
-) -> Moves:
-    m = len(program.feed)
-    moved = (np.diff(program.points, axis=0) != 0.0).any(axis=1)
-    return Moves(
-        program.points, np.arange(m), np.full(m, h), run.begin, run.end, beads.lays,
-        moved & (run.begin >= begin_s) & beads.looked_at, beads.number, beads.layer,
-        beads.height, beads.half, float(beads.half.max(initial=0.0)),
-    )  # fmt: skip
-
-
-def _standing(contours: Contours) -> Moves:
-    """Return what stands there from the beginning, as moves of nobody."""
-    contour = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
-    row = np.flatnonzero(np.diff(contour) == 0)
-    of, m = contour[row], len(row)
-    half = contours.width[of] / 2
-    early, nobody = np.full(m, -np.inf), np.full(m, -1)
-    return Moves(
-        contours.points, row, nobody, early, early, np.ones(m, np.bool_), np.zeros(m, np.bool_),
-        np.full(m, BEFORE), np.full(m, NO_LAYER), contours.height[of], half,
-        float(half.max(initial=0.0)),
-    )  # fmt: skip
-
-
-def _joined(every: Sequence[Moves]) -> Moves:
-    base = np.cumsum([0, *(len(each.points) for each in every)])
-    row = np.concatenate([each.row + first for each, first in zip(every, base, strict=False)])
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(each, name) for each in every])
-        for name in Moves._fields if name not in ("row", "widest")
-    }  # fmt: skip
-    return Moves(row=row, widest=max(each.widest for each in every), **columns)
+    """Return the moves of all heads, and as moves of nobody what stands there from the begin."""
+    rows, n = [], 0
+    for h, (program, run, beads) in enumerate(zip(programs, runs, material.beads, strict=True)):
+        m = len(program.feed)
+        moved = (np.diff(program.points, axis=0) != 0.0).any(axis=1)
+        looked_at = moved & (run.begin >= begin_s) & beads.looked_at
+        rows.append(
+            (program.points, n + np.arange(m), np.full(m, h), run.begin, run.end, beads.lays,
+             looked_at, beads.number, beads.layer, beads.height, beads.half)
+        )  # fmt: skip
+        n += len(program.points)
+    if (before := material.before) is not None:
+        contour = np.repeat(np.arange(len(before)), np.diff(before.offsets))
+        row = np.flatnonzero(np.diff(contour) == 0)
+        of, m = contour[row], len(row)
+        early = np.full(m, -np.inf)
+        rows.append(
+            (before.points, n + row, np.full(m, -1), early, early, np.ones(m, np.bool_),
+             np.zeros(m, np.bool_), np.full(m, BEFORE), np.full(m, NO_LAYER), before.height[of],
+             before.width[of] / 2)
+        )  # fmt: skip
+    columns: list[Any] = [np.concatenate(column) for column in zip(*rows, strict=True)]
+    widest = float(columns[-1].max(initial=0.0))
+    return Moves(*[*columns, widest])
 
 
 def _parts(heads: Sequence[Head], clearance_mm: float) -> Prisms:
@@ -224,13 +207,14 @@ def material_of_files(programs: Sequence[HeadProgram]) -> Material:
     heights = [program.points[1:, 2][program.prints] for program in programs]
     levels = np.unique(np.concatenate([[0.0], *heights]).round(3))
     height = min(float(np.diff(levels[levels >= 0.0]).max(initial=0.0)), MOST_HEIGHT_MM)
-    return Material(tuple(_lines(program, height) for program in programs), False)
-
-
-def _lines(program: HeadProgram, height: float) -> MoveBeads:
-    m = len(program.feed)
-    level = np.abs(np.diff(program.points[:, 2])) <= height + ROUNDING_MM
-    return MoveBeads(
-        np.zeros(m, np.int64), np.full(m, NO_LAYER, np.int64), np.full(m, height), np.zeros(m),
-        program.prints & level, program.line >= program.first_layer,
-    )  # fmt: skip
+    found = []
+    for program in programs:
+        m = len(program.feed)
+        level = np.abs(np.diff(program.points[:, 2])) <= height + ROUNDING_MM
+        found.append(
+            MoveBeads(
+                np.zeros(m, np.int64), np.full(m, NO_LAYER), np.full(m, height), np.zeros(m),
+                program.prints & level, program.line >= program.first_layer,
+            )
+        )  # fmt: skip
+    return Material(tuple(found), False)

@@ -1,10 +1,8 @@
 """The look for contacts with the print, compiled: moves in order, each against what stands then.
 
 Each cell of a grid keeps its highest point of a bead. Squares of 2, 4, 8 … cells a side keep the
-highest of all their cells, so that a search passes over wide areas where nothing is high enough.
-
-Where a square of the grid holds nothing as high as a part of the head, nothing within it is looked
-at, so the time is near linear in the moves. The swept part is exact.
+highest of all their cells. Where one holds nothing as high as a part of the head, nothing within it
+is looked at, so the time is near linear in the moves. The swept part is exact.
 """
 
 from __future__ import annotations
@@ -189,8 +187,15 @@ def _highest(
         if level == 0:
             if _meets(moves, i, parts, k, heights, at, leg):
                 limit, met = heights.top[at], at
-        elif _is_near(a, b, parts, k, reach, heights, level, row, column, leg):
-            count = _parted_in_four(heights, level, row, column, stack, count)
+            continue
+        side = heights.cell_mm * 2**level
+        x = heights.corner[0] + (column + 0.5) * side
+        y = heights.corner[1] + (row + 0.5) * side
+        if _gap(a, b, 0.0, 1.0, parts, k, x, y, leg) <= reach + 0.7072 * side:
+            for r in range(2 * row, min(2 * row + 2, heights.rows[level - 1])):
+                for c in range(2 * column, min(2 * column + 2, heights.columns[level - 1])):
+                    stack[count, 0], stack[count, 1], stack[count, 2] = level - 1, r, c
+                    count += 1
     return met
 
 
@@ -216,30 +221,6 @@ def _begin(
             stack[count, 0], stack[count, 1], stack[count, 2] = level, row, column
             count += 1
     return count
-
-
-@compiled
-def _parted_in_four(
-    heights: Heights, level: int, row: int, column: int, stack: Ints, count: int
-) -> int:
-    """Write the squares that a square is made of; return how many there are now."""
-    for r in range(2 * row, min(2 * row + 2, heights.rows[level - 1])):
-        for c in range(2 * column, min(2 * column + 2, heights.columns[level - 1])):
-            stack[count, 0], stack[count, 1], stack[count, 2] = level - 1, r, c
-            count += 1
-    return count
-
-
-@compiled
-def _is_near(
-    a: Floats, b: Floats, parts: Prisms, k: int, reach: float, heights: Heights, level: int,
-    row: int, column: int, leg: Floats,
-) -> bool:  # fmt: skip
-    """Tell whether a part may come within its reach of a square in a move."""
-    side = heights.cell_mm * 2**level
-    x = heights.corner[0] + (column + 0.5) * side
-    y = heights.corner[1] + (row + 0.5) * side
-    return bool(_gap(a, b, 0.0, 1.0, parts, k, x, y, leg) <= reach + 0.7072 * side)
 
 
 @compiled

@@ -3,8 +3,6 @@
 A *stop* stands before a move. Behind most kinds the head has come to rest; only a signal in motion
 and a temperature that nothing waits for leave the moves around them joined.
 
-How long commands wait for a temperature.
-
 Heaters are taken to warm evenly, and to cool evenly too: as 40 W hot ends and mains or 24 V beds of
 common printers do on the way to printing temperatures. What start code waits for is stated apart
 from the makespan, since no file states it.
@@ -44,24 +42,20 @@ class Heaters:
             return 0.0
         number, words = match[1], match[2]
         tool = _TOOL.search(words)
-        bed = number in (b"140", b"190")
-        heater = b"bed" if bed else b"hot end" + (tool[1] if tool else b"")
+        is_bed = number in (b"140", b"190")
+        heater = b"bed" if is_bed else b"hot end" + (tool[1] if tool else b"")
         degrees = degrees_of(words)
         target = self.due.get(heater, AMBIENT_C) if degrees is None else degrees
         self.due[heater] = target
         if number in (b"104", b"140"):
             return 0.0
-        seconds = max(0.0, target - self.warm.get(heater, AMBIENT_C)) / (
-            BED_C_S if bed else HOT_END_C_S
-        )
-        self._pass(seconds)
+        rate = BED_C_S if is_bed else HOT_END_C_S
+        seconds = max(0.0, target - self.warm.get(heater, AMBIENT_C)) / rate
+        for other, due in self.due.items():
+            warm = self.warm.get(other, AMBIENT_C)
+            gain = seconds * (BED_C_S if other == b"bed" else HOT_END_C_S)
+            self.warm[other] = min(due, warm + gain)
         return seconds
-
-    def _pass(self, seconds: float) -> None:
-        for heater, target in self.due.items():
-            gain = seconds * (BED_C_S if heater == b"bed" else HOT_END_C_S)
-            warm = self.warm.get(heater, AMBIENT_C)
-            self.warm[heater] = min(target, warm + gain) if target > warm else target
 
 
 STILL_MM = 1e-6  # filament that is none
@@ -106,9 +100,6 @@ class HotEnd:
     cool_c_s: float = COOL_C_S
 
 
-USUAL_HOT_END = HotEnd()
-
-
 @dataclass(frozen=True, slots=True)
 class HeadProgram:
     """What one head's controller carries out; move i goes from points[i] to points[i + 1]."""
@@ -126,7 +117,7 @@ class HeadProgram:
     begins: int = 0  # stops above which the print has not begun: start code
     ends: int | None = None  # stops above which it has: below is end code; None: there is none
     first_layer: int = 0  # line of the file that names the first layer; 0: none does
-    hot_end: HotEnd = USUAL_HOT_END  # which TARGET and HEAT are for
+    hot_end: HotEnd = field(default_factory=HotEnd)  # which TARGET and HEAT are for
 
     __repr__ = brief("name", "points", "stops.kind")
 

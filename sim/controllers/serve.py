@@ -72,11 +72,11 @@ class Controller:
                 continue
             if self.clogs and not feeding.off:
                 self.clogs = False
-                self._report(b"".join(map(pack_event, feeding.step(now_s))))
+                self._report(*map(pack_event, feeding.step(now_s)))
                 self._report(pack_event(feeding.fail("clogged", now_s)))
             if not self.agent.open or time.monotonic() - self.heard_at > SILENT_S:
                 feeding.end("its agent is gone" if not self.agent.open else SILENT)
-            self._report(b"".join(map(pack_event, feeding.step(now_s))))
+            self._report(*map(pack_event, feeding.step(now_s)))
             if feeding.off and not self.agent.open:
                 return
             if time.monotonic() - self.alive_at > ALIVE_S:
@@ -115,7 +115,7 @@ class Controller:
             case Finish(why) if feeding is not None:
                 feeding.end(why)
             case Abort(why) if feeding is not None and not self.aborted:
-                self._report(b"".join(map(pack_event, feeding.step(now_s))))
+                self._report(*map(pack_event, feeding.step(now_s)))
                 self.aborted = why == ABORTED
                 if self.aborted or not feeding.off:
                     self._report(pack_event(feeding.fail(why, now_s)))
@@ -133,12 +133,12 @@ class Controller:
         self.feeding, self.number = Feeding(given.head, work, self.clock.now()), number
         self.feeding.paused = self.paused
 
-    def _report(self, content: bytes) -> None:
+    def _report(self, *messages: bytes) -> None:
         """Tell launcher and agent; who is gone hears nothing.
 
         The record comes first: what other heads act upon is on it, whenever this process is killed.
         """
-        if content:
+        if content := b"".join(messages):
             write_all(self.given.record, content)
             write_all(1, content)
 

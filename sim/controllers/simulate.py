@@ -1,8 +1,7 @@
 """Files or a plan run as controllers run them, once as they should and as often with errors.
 
-The first run has no error of time; all else that is reported of heads is of that one.
-
-A run is stated as events, in the schema of all who carry prints out.
+The first run has no error of time; all else that is reported of heads is of that one. A run is
+stated as events, in the schema of all who carry prints out.
 """
 
 from __future__ import annotations
@@ -146,7 +145,8 @@ def simulate(
     Timing errors that break central plans: JMD 145(1) 012003.
     """
     programs = tuple(programs)
-    heads = [_head_of(machine, program, k) for k, program in enumerate(programs)]
+    named, last = {head.name: head for head in machine.heads}, len(machine.heads) - 1
+    heads = [named.get(p.name, machine.heads[min(k, last)]) for k, p in enumerate(programs)]
     profiles = tuple(profile_of(program, queue) for program in programs)
     rest_s = machine.rest_s if len(programs) > 1 else 0.0
     seconds = [profile.seconds for profile in profiles]
@@ -161,18 +161,9 @@ def simulate(
     for name, errors in drawn:
         on_trial(found, expected)
         found.append(judged(name, errors, carry_out(programs, seconds, errors, rest_s), again))
-    begin, end = _begin(programs, nominal), _end(programs, nominal)
-    waits = _waits(programs, nominal)
-    figures = tuple(
-        _figures(nominal, h, program, begin, end, waits) for h, program in enumerate(programs)
-    )
-    return Simulation(programs, profiles, nominal, begin, figures, waits, tuple(found))
-
-
-def _head_of(machine: Machine, program: HeadProgram, place: int) -> Head:
-    """Return the head that a program is for: by its name, else by its place."""
-    named = [head for head in machine.heads if head.name == program.name]
-    return named[0] if named else machine.heads[min(place, len(machine.heads) - 1)]
+    span, waits = (_begin(programs, nominal), _end(programs, nominal)), _waits(programs, nominal)
+    figures = tuple(_figures(nominal, h, each, span, waits) for h, each in enumerate(programs))
+    return Simulation(programs, profiles, nominal, span[0], figures, waits, tuple(found))
 
 
 def _errors(
@@ -187,13 +178,8 @@ def _errors(
         return
     for k in range(trials):
         streams = np.random.default_rng([seed, k]).spawn(len(programs))
-        yield (
-            f"{timing} {k}",
-            [
-                draw(timing, program, size, rng)
-                for program, rng in zip(programs, streams, strict=True)
-            ],
-        )
+        drawn = zip(programs, streams, strict=True)
+        yield f"{timing} {k}", [draw(timing, program, size, rng) for program, rng in drawn]
 
 
 def _trial(
@@ -204,7 +190,9 @@ def _trial(
     """Return what one run came to; without `material` the print is not looked at."""
     courses = [course_of(*each) for each in zip(programs, profiles, errors, run.heads, strict=True)]
     begin, end = _begin(programs, run), _end(programs, run)
-    until, touched = end if np.isfinite(end) else _last_move(run), tuple[PrintContact, ...]()
+    until, touched = end, tuple[PrintContact, ...]()
+    if end == np.inf:
+        until = max(float(head.end[head.end < np.inf].max(initial=0.0)) for head in run.heads)
     if material is not None:
         touched = print_contacts(
             programs, run.heads, heads, material, clearance_mm=machine.clearance_mm,
@@ -212,11 +200,6 @@ def _trial(
         )  # fmt: skip
     near = nearness(machine, heads, courses, begin, until)
     return Trial(name, end - begin, near, run.stuck, soon(run), touched)
-
-
-def _last_move(run: Run) -> float:
-    ends = [head.end[np.isfinite(head.end)].max(initial=0.0) for head in run.heads]
-    return float(max(ends, default=0.0))
 
 
 def _begin(programs: Sequence[HeadProgram], run: Run) -> float:
@@ -250,45 +233,37 @@ def _of_beads(program: HeadProgram, times: Floats, place: int) -> float:
 
 
 def _figures(
-    run: Run, h: int, program: HeadProgram, begin: float, end: float, waits: Sequence[SimulatedWait]
-) -> HeadFigures:
-    head, prints = run.heads[h], program.prints
+    run: Run, h: int, program: HeadProgram, span: tuple[float, float],
+    waits: Sequence[SimulatedWait],
+) -> HeadFigures:  # fmt: skip
+    (begin, end), head, prints = span, run.heads[h], program.prints
     within = (head.begin >= begin - 1e-9) & (head.end <= end + 1e-9)
     taken = np.where(within, head.end - head.begin, 0.0)
     printing, moving = float(taken[prints].sum()), float(taken[~prints].sum())
     waiting = sum(wait.seconds for wait in waits if wait.head == h and wait.begin_s >= begin)
     rest = max(0.0, end - begin - printing - moving - waiting)
-    inner = program.rests[1:] & prints[1:] & prints[:-1] & np.equal(
-        program.action[1:], program.action[:-1]
-    )  # fmt: skip
-    stops = program.stops.before[program.stops.rests]
-    stops = stops[(stops > 0) & (stops < len(prints))]
-    inside = np.count_nonzero(prints[stops] & prints[stops - 1]) if program.line.any() else 0
-    count = int(inside) if program.line.any() else int(np.count_nonzero(inner))
+    if program.line.any():
+        stops = program.stops.before[program.stops.rests]
+        stops = stops[(stops > 0) & (stops < len(prints))]
+        inside = prints[stops] & prints[stops - 1]
+    else:
+        inside = program.rests[1:] & prints[1:] & prints[:-1] & (np.diff(program.action) == 0)
     return HeadFigures(
-        program.name, printing, moving, waiting, rest, float(program.filament.sum()), count
-    )
+        program.name, printing, moving, waiting, rest, float(program.filament.sum()),
+        int(inside.sum()),
+    )  # fmt: skip
 
 
 def _waits(programs: Sequence[HeadProgram], run: Run) -> tuple[SimulatedWait, ...]:
-    found = [wait for h, program in enumerate(programs) for wait in _waits_of(program, run, h)]
-    return tuple(sorted(found, key=lambda wait: wait.begin_s))
-
-
-def _waits_of(program: HeadProgram, run: Run, h: int) -> list[SimulatedWait]:
-    head, stops = run.heads[h], program.stops
-    rows = np.flatnonzero((stops.kind == StopKind.WAIT) & (head.by >= 0))
     found = []
-    for j in rows.tolist():
-        move = min(int(stops.before[j]), len(program.line) - 1)
-        seconds = float(head.left[j] - head.reached[j])
-        found.append(
-            SimulatedWait(
-                h, int(head.by[j]), float(head.reached[j]), seconds, int(program.line[move]),
-                int(program.action[move]),
-            )
-        )  # fmt: skip
-    return found
+    for h, (program, head) in enumerate(zip(programs, run.heads, strict=True)):
+        stops = program.stops
+        for j in np.flatnonzero((stops.kind == StopKind.WAIT) & (head.by >= 0)).tolist():
+            move = min(int(stops.before[j]), len(program.line) - 1)
+            line, action = int(program.line[move]), int(program.action[move])
+            begin, seconds = float(head.reached[j]), float(head.left[j] - head.reached[j])
+            found.append(SimulatedWait(h, int(head.by[j]), begin, seconds, line, action))
+    return tuple(sorted(found, key=lambda wait: wait.begin_s))
 
 
 def too_soon(

@@ -31,9 +31,10 @@ def head_colour(index: int, heads: int) -> str:
 
 
 @contextmanager
-def words_as_they_are() -> Iterator[None]:
-    """Take no name for a formula, and say nothing of letters the font has not."""
-    with mpl.rc_context({"text.parse_math": False}), warnings.catch_warnings():
+def words_as_they_are(**style: Any) -> Iterator[None]:
+    """Take no name for a formula, and say nothing of letters the font has not; `style` as well."""
+    settings: Any = {"text.parse_math": False, **style}
+    with mpl.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
         yield
 

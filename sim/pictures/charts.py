@@ -64,12 +64,10 @@ def draw_layers(axis: Any, lengths: tuple[Floats, ...], row: int, first: str) ->
     axis.set_ylim(0.0, 1.08 * max(float(max(part.max() for part in lengths)), 1e-9))
     axis.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=14, min_n_ticks=1))
     axis.yaxis.set_major_locator(MaxNLocator(nbins=4))
-    axis.set_xlabel("layer", fontsize=8.5)
-    axis.set_ylabel("travel, mm", fontsize=8.5)
-    axis.tick_params(labelsize=8)
-    axis.set_title("travel to each layer", fontsize=9.5, loc="left")
-    axis.legend(fontsize=8, ncols=3, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0),
-                borderaxespad=0.1)  # fmt: skip
+    axis.set_xlabel("layer")
+    axis.set_ylabel("travel, mm")
+    axis.set_title("travel to each layer")
+    axis.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
 
 
 def draw_times(axis: Any, document: PlanDocument) -> None:
@@ -90,9 +88,18 @@ def draw_times(axis: Any, document: PlanDocument) -> None:
     axis.set_xlim(0, end_s)
     step = next((s for s in STEPS_S if end_s / s <= TICKS), STEPS_S[-1])
     axis.xaxis.set_major_locator(MultipleLocator(step))
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value, step)))
-    axis.set_xlabel("time, h:min" if step >= 60 else "time, h:min:s", fontsize=8.5)
-    axis.tick_params(labelsize=8)
+    shown_letters = None if step < 60 else -3  # without the seconds
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda t, _: clock_time(t)[:shown_letters]))
+    axis.set_xlabel("time, h:min" if step >= 60 else "time, h:min:s")
+    axis.set_title("what each head does")
+    legend = [
+        Patch(color=head_colour(0, 2), label="prints (each head its colour)"),
+        Patch(color=MOVES, label="travels"),
+        Patch(fc="white", ec="#9a9a9a", hatch="////", label="waits"),
+    ]
+    axis.legend(
+        handles=legend, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2
+    )
 
 
 def activity(actions: HeadActions, makespan_s: float) -> tuple[Floats, Floats]:
@@ -107,8 +114,6 @@ def activity(actions: HeadActions, makespan_s: float) -> tuple[Floats, Floats]:
         edges = np.unique(np.concatenate([[0.0, makespan_s], actions.begin_s, actions.end_s]))
     else:
         edges = np.linspace(0.0, makespan_s, INTERVALS + 1)
-    if len(edges) < 2:
-        return np.array([0.0, 0.0]), np.zeros((1, 2))
     printing = actions.kind == ActionKind.PRINT
     travelling = ~printing & (actions.kind != ActionKind.WAIT)
     width = np.maximum(np.diff(edges), 1e-12)
@@ -129,21 +134,8 @@ def time_spent(begin: Floats, end: Floats, at: Floats) -> Floats:
     return np.interp(at, times, spent)
 
 
-def _short(seconds: float, step_s: int) -> str:
-    return clock_time(seconds) if step_s < 60 else clock_time(seconds)[:-3]
-
-
 def _row_label(actions: HeadActions, end_s: float) -> str:
     """Return the name of a head, and how much of the time it prints."""
     spent = (actions.end_s - actions.begin_s)[actions.kind == ActionKind.PRINT].sum() / end_s
     name = actions.head if len(actions.head) <= NAME else f"{actions.head[: NAME - 1]}…"
     return f"{name}\nprints {100 * float(spent):.0f} %"
-
-
-def times_legend() -> list[Any]:
-    """Return the legend of `draw_times`; printing has each head's colour."""
-    return [
-        Patch(color=head_colour(0, 2), label="prints (each head its colour)"),
-        Patch(color=MOVES, label="travels"),
-        Patch(fc="white", ec="#9a9a9a", hatch="////", label="waits"),
-    ]

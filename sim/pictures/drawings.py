@@ -2,13 +2,7 @@
 
 Three questions are answered on one sheet. Which travels of a layer are gone, and which are new?
 In which layers is travel saved? Of several heads: what does each print, and when does it
-print, travel or wait? Only drawing lives here; nothing is judged.
-
-Where each head's beads lie, as grids to draw: of any print, however large.
-
-Only counting lives here; nothing is judged.
-
-Where everything stands on a picture of a plan, by the shape of the print.
+print, travel or wait? Nothing is judged here.
 """
 
 from __future__ import annotations
@@ -27,21 +21,31 @@ from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Floats, Ints
 from sim.pictures.canvas import head_colour, save, words_as_they_are
-from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
-from sim.pictures.layer_travels import by_layer, layers_of, most_changed, require_layer, travels_of
+from sim.pictures.charts import draw_layers, draw_times, title_lines
+from sim.pictures.layer_travels import (
+    by_layer,
+    in_no_place_of,
+    layers_of,
+    most_changed,
+    require_layer,
+    travels_of,
+)
 from sim.pictures.layer_view import (
     SHADOW,
     LayerView,
-    cut_handle,
     draw_layer,
     draw_pieces,
     legend_of,
 )
 
 NAMED = 3  # heads whose shares have room in a title
+STYLE: Any = {
+    "axes.labelsize": 8.5, "axes.titlesize": 9.5, "axes.titlelocation": "left",
+    "xtick.labelsize": 8, "ytick.labelsize": 8, "legend.fontsize": 8, "legend.frameon": False,
+}  # fmt: skip
 
 
-@words_as_they_are()
+@words_as_they_are(**STYLE)
 def draw_plan(
     path: Path | str,
     before: PlanDocument,
@@ -70,22 +74,22 @@ def draw_plan(
     sheet = sheet_of(_extent(before, after), heads)
     figure = Figure(figsize=sheet.size)
     title, under = title_lines(name, before, after)
-    figure.text(sheet.left, sheet.top(0.32), title, fontsize=13, fontweight="bold")
-    figure.text(sheet.left, sheet.top(0.58), under, fontsize=9.5)
+    figure.text(sheet.left, 1.0 - 0.32 / sheet.size[1], title, fontsize=13, fontweight="bold")
+    figure.text(sheet.left, 1.0 - 0.58 / sheet.size[1], under, fontsize=9.5)
     grids = bead_grids(after, (0, 1), sheet.extent)
     for k, view in enumerate(views):
         axis = _view_axis(figure, sheet, k)
-        _draw_shadow(axis, sheet, grids)
+        _show(axis, grids, [SHADOW] * heads, sheet.extent)  # the whole print, hardly seen
         draw_layer(axis, view, gone=k == 0, inch_a_mm=sheet.inch_a_mm)
-        axis.set_title(f"{'after' if k else first}: {_counted(view)}", fontsize=9.5, loc="left")
+        axis.set_title(f"{'after' if k else first}: {_counted(view)}")
     figure.legend(
-        handles=legend_of(views), loc="upper left", ncols=ENTRIES, fontsize=8, frameon=False,
-        bbox_to_anchor=(sheet.left - 0.01, sheet.legend), columnspacing=1.1, handlelength=1.4,
+        handles=legend_of(views), loc="upper left", ncols=ENTRIES, columnspacing=1.1,
+        bbox_to_anchor=(sheet.left - 0.01, sheet.legend), handlelength=1.4,
     )  # fmt: skip
     draw_layers(figure.add_axes(sheet.chart), lengths, views[0].row, first)
     if heads > 1:
         _draw_shares(figure, sheet, views[1], grids)
-        _draw_heads(figure, sheet, after)
+        draw_times(figure.add_axes(sheet.times), after)
     save(figure, path)
 
 
@@ -99,8 +103,8 @@ def _views(
     row = most_changed(*lengths) if layer is None else layer - 1
     number = int(layers[row])
     return (
-        LayerView(before, was, was.in_no_place_of(now), number, row),
-        LayerView(after, now, now.in_no_place_of(was), number, row),
+        LayerView(before, was, in_no_place_of(was.ends, now.ends), number, row),
+        LayerView(after, now, in_no_place_of(now.ends, was.ends), number, row),
     ), lengths
 
 
@@ -119,19 +123,19 @@ def _view_axis(figure: Figure, sheet: Sheet, column: int) -> Any:
     axis = figure.add_axes(sheet.views[column])
     axis.set_xlim(*sheet.extent[:, 0].tolist())
     axis.set_ylim(*sheet.extent[:, 1].tolist())
-    axis.tick_params(labelsize=8, labelleft=column == 0)
-    axis.set_xlabel("x, mm", fontsize=8.5)
+    axis.tick_params(labelleft=column == 0)
+    axis.set_xlabel("x, mm")
     if column == 0:
-        axis.set_ylabel("y, mm", fontsize=8.5)
+        axis.set_ylabel("y, mm")
     return axis
 
 
-def _draw_shadow(axis: Any, sheet: Sheet, grids: Floats) -> None:
-    """Draw the whole print, hardly seen, as the ground of a layer."""
-    shadow = striped(grids, [SHADOW] * len(grids))
-    (x0, y0, _), (x1, y1, _) = sheet.extent.tolist()
-    axis.imshow(shadow, origin="lower", extent=(x0, x1, y0, y1), aspect="auto", zorder=1,
-                interpolation="nearest")  # fmt: skip
+def _show(axis: Any, grids: Floats, colours: list[str], extent: Floats, up: int = 1) -> None:
+    """Show `bead_grids` in a colour a head; `up` is the coordinate that goes up."""
+    axis.imshow(
+        striped(grids, colours), origin="lower", extent=extent[:, [0, up]].T.ravel(),
+        aspect="auto", interpolation="nearest",
+    )  # fmt: skip
 
 
 def _counted(view: LayerView) -> str:
@@ -145,14 +149,6 @@ def _counted(view: LayerView) -> str:
     )
 
 
-def _draw_heads(figure: Figure, sheet: Sheet, after: PlanDocument) -> None:
-    axis = figure.add_axes(sheet.times)
-    draw_times(axis, after)
-    axis.set_title("what each head does", fontsize=9.5, loc="left")
-    axis.legend(handles=times_legend(), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3,
-                fontsize=8, frameon=False, borderaxespad=0.2)  # fmt: skip
-
-
 def _draw_shares(figure: Figure, sheet: Sheet, view: LayerView, grids: Floats) -> None:
     """Draw what each head prints, from above and from the front.
 
@@ -161,33 +157,27 @@ def _draw_shares(figure: Figure, sheet: Sheet, view: LayerView, grids: Floats) -
     after, heads = view.document, view.document.plan.heads
     colours = [head_colour(k, len(heads)) for k in range(len(heads))]
     axis = _view_axis(figure, sheet, 2)
-    (x0, y0, z0), (x1, y1, z1) = sheet.extent.tolist()
     handles: list[Any]
     handles = [Patch(color=c, label=h.head) for c, h in zip(colours, heads, strict=True)]
     if after.contours.of is None:
-        axis.imshow(striped(grids, colours), origin="lower", extent=(x0, x1, y0, y1),
-                    aspect="auto", interpolation="nearest")  # fmt: skip
+        _show(axis, grids, colours, sheet.extent)
         of_layers = "all layers"
     else:
-        draw_pieces(axis, after, view.layer, inch_a_mm=sheet.inch_a_mm)
+        handles.append(draw_pieces(axis, after, view.layer, inch_a_mm=sheet.inch_a_mm))
         of_layers = f"layer {view.row + 1}, piece by piece"
-        handles.append(cut_handle())
-    axis.set_title(f"who prints what: {of_layers}\n{_who(after)}", fontsize=9.5, loc="left")
+    axis.set_title(f"who prints what: {of_layers}\n{_who(after)}")
     if ((grids > 0.0).sum(axis=0) > 1).any():
         stripes: Any = {"fc": colours[0], "ec": colours[1], "hatch": "////", "lw": 0}
         handles.append(Patch(label="striped: several", **stripes))
     figure.legend(
-        handles=handles, loc="upper left", ncols=4, fontsize=8, frameon=False,
+        handles=handles, loc="upper left", ncols=4,
         bbox_to_anchor=(sheet.views[2][0] - 0.01, sheet.legend),
     )  # fmt: skip
     side = figure.add_axes(sheet.side)
-    front = striped(bead_grids(after, (0, 2), sheet.extent), colours)
-    side.imshow(front, origin="lower", extent=(x0, x1, z0, z1), aspect="auto",
-                interpolation="nearest")  # fmt: skip
-    side.set_title("all layers from the front", fontsize=8.5, loc="left")
-    side.set_xlabel("x, mm", fontsize=8.5)
-    side.set_ylabel("z, mm", fontsize=8.5)
-    side.tick_params(labelsize=8)
+    _show(side, bead_grids(after, (0, 2), sheet.extent), colours, sheet.extent, up=2)
+    side.set_title("all layers from the front", fontsize=8.5)
+    side.set_xlabel("x, mm")
+    side.set_ylabel("z, mm")
 
 
 def _who(after: PlanDocument) -> str:
@@ -218,29 +208,26 @@ def bead_grids(
     is as wide as it is, seen from above. From the side it fills the layer below the nozzle.
     """
     low, high = extent[:, list(axes)]
-    size = (high - low) / cells if axes[1] == 2 else np.full(2, float((high - low).max() / cells))
-    if axes[1] == 2:  # as many rows as layers can be told apart in
-        size[1] = max(float(high[1] - low[1]) / 200.0, 1e-6)
-    shape = np.maximum(1, np.ceil((high - low) / size)).astype(np.int64)
+    size = np.full(2, float((high - low).max() / cells))
     wide = float(np.median(document.contours.width)) if len(document.contours) else 0.4
     tall = float(np.median(document.contours.height)) if len(document.contours) else 0.2
-    reach = (wide, tall if axes[1] == 2 else wide)
-    grids = []
-    for actions in document.plan.heads:
-        grid = _samples(actions, axes, low, size, shape, drop=tall / 2 if axes[1] == 2 else 0.0)
-        around = [int(np.ceil(part / cell)) + 1 for part, cell in zip(reach, size, strict=True)]
-        grids.append(maximum_filter(grid, size=(around[1], around[0]), mode="constant"))
+    reach, drop = np.array([wide, wide]), 0.0
+    if axes[1] == 2:  # as many rows as layers can be told apart in
+        size = (high - low) / [cells, 200.0]
+        reach, drop = np.array([wide, tall]), tall / 2
+    shape = np.maximum(1, np.ceil((high - low) / size)).astype(np.int64)
+    columns, rows = (np.ceil(reach / size).astype(int) + 1).tolist()
+    grids = [
+        maximum_filter(
+            _samples(actions, axes, low, size, shape, drop), size=(rows, columns), mode="constant"
+        )
+        for actions in document.plan.heads
+    ]
     return np.array(grids).reshape(-1, shape[1], shape[0])
 
 
 def _samples(
-    actions: HeadActions,
-    axes: tuple[int, int],
-    low: Floats,
-    size: Floats,
-    shape: Ints,
-    *,
-    drop: float,
+    actions: HeadActions, axes: tuple[int, int], low: Floats, size: Floats, shape: Ints, drop: float
 ) -> Floats:
     """Return the length of a head's printing in each cell, (rows, columns) mm."""
     owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
@@ -305,27 +292,16 @@ class Sheet:
     side: FigureBox
     times: FigureBox
     legend: float  # its top, in parts of the height
-
-    @property
-    def left(self) -> float:
-        """Where titles begin, in parts of the width."""
-        return LEFT / self.size[0]
-
-    @property
-    def inch_a_mm(self) -> float:
-        """The scale of the views."""
-        across = float(self.extent[1, 0] - self.extent[0, 0])
-        return self.views[0][2] * self.size[0] / across
-
-    def top(self, below_in: float) -> float:
-        """Return the height of what stands so far below the top, in parts."""
-        return 1.0 - below_in / self.size[1]
+    left: float  # where titles begin, in parts of the width
+    inch_a_mm: float  # the scale of the views
 
 
 def sheet_of(extent: Floats, heads: int) -> Sheet:
     """Return the sheet for a print in this box, for one head or several."""
-    extent = _shaped(extent)
-    across, up = (extent[1] - extent[0])[:2].tolist()
+    wide, deep, _ = np.maximum(extent[1] - extent[0], 1e-6).tolist()
+    across, up = max(wide, deep / SHAPES[1]), max(deep, wide * SHAPES[0])
+    middle, half = extent[:, :2].mean(axis=0), np.array([across, up]) / 2
+    extent = np.column_stack([[middle - half, middle + half], extent[:, 2]])
     scale = min(VIEW_IN / across, VIEW_IN / up)
     w, h = scale * across, scale * up
     columns = 3 if heads > 1 else 2
@@ -348,16 +324,5 @@ def sheet_of(extent: Floats, heads: int) -> Sheet:
         place(LEFT, chart_y, 2 * w + GAP - (0.25 if heads > 1 else 0.0), CHART - 0.25),
         place(third, chart_y, w, CHART - 0.25),
         place(ROWS, CHART_GAP, width - ROWS - RIGHT, ROW_IN * heads),
-        (0.1 + below + 0.05) / height,
+        (0.1 + below + 0.05) / height, LEFT / width, scale,
     )  # fmt: skip
-
-
-def _shaped(extent: Floats) -> Floats:
-    """Return a box that is neither too flat nor too high for a view."""
-    made = extent.astype(np.float64)
-    size = np.maximum(made[1] - made[0], 1e-6)
-    least, most = SHAPES
-    wanted = np.array([max(size[0], size[1] / most), max(size[1], least * size[0]), size[2]])
-    middle = (made[0] + made[1]) / 2
-    made[0, :2], made[1, :2] = (middle - wanted / 2)[:2], (middle + wanted / 2)[:2]
-    return made

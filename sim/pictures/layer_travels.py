@@ -33,33 +33,23 @@ class Travels:
     layer: Ints  # (k,) row of `layers`: of the contour it leads to
     inside: Flags  # (k,) it comes from that layer too
     length_mm: Floats  # (k,) as moved, lifts included
-    ends: Ints  # (k, 6) both ends on a grid, the lesser first
-
-    def of_layer(self, layer: int) -> Ints:
-        """Return the rows that lead to a layer."""
-        return np.flatnonzero(self.layer == layer)
-
-    def in_no_place_of(self, other: Travels) -> Flags:
-        """Tell which have no travel between the same two places in another plan, (k,)."""
-        return in_no_place_of(self.ends, other.ends)
+    ends: Ints  # (k, 2) both ends, as `both_ends`
 
 
 def in_no_place_of(ends: Ints, others: Ints) -> Flags:
-    """Tell which of these ends (k, 6) are none of the others (m, 6), (k,)."""
+    """Tell which of these ends (k, 2) are none of the others (m, 2), (k,)."""
     _, number = np.unique(np.concatenate([ends, others]), axis=0, return_inverse=True)
     number = number.reshape(-1)
     return ~np.isin(number[: len(ends)], number[len(ends) :])
 
 
 def both_ends(actions: HeadActions, first: Ints, last: Ints) -> Ints:
-    """Return two points of a path each on a grid, the lesser first, (k, 6).
+    """Return two points of a path each as cells of a grid, numbered, the lesser first, (k, 2).
 
     So a way is the same whichever way it is gone.
     """
-    ends = np.rint(actions.path[np.stack([first, last])] / SAME_PLACE_MM).astype(np.int64)
-    swapped = _is_greater(ends[0], ends[1])[:, None]
-    low, high = np.where(swapped, ends[1], ends[0]), np.where(swapped, ends[0], ends[1])
-    return np.concatenate([low, high], axis=1)
+    x, y, z = np.rint(actions.path[np.stack([first, last])] / SAME_PLACE_MM).astype(np.int64).T
+    return np.sort((x << 42) + (y << 21) + z, axis=1)
 
 
 def layers_of(document: PlanDocument) -> tuple[NDArray[np.int32], Floats]:
@@ -85,8 +75,7 @@ def travels_of(document: PlanDocument) -> Travels:
     layers, _ = layers_of(document)
     layer_of = np.searchsorted(layers, document.contours.layer)
     heads = [_of_head(k, head, layer_of) for k, head in enumerate(document.plan.heads)]
-    columns = zip(*heads, strict=True) if heads else ()
-    return Travels(*(np.concatenate(column) for column in columns))
+    return Travels(*(np.concatenate(column) for column in zip(*heads, strict=True)))
 
 
 def _of_head(index: int, actions: HeadActions, layer_of: Ints) -> tuple[NDArray[np.generic], ...]:
@@ -105,14 +94,6 @@ def _of_head(index: int, actions: HeadActions, layer_of: Ints) -> tuple[NDArray[
         both_ends(actions, first, last),
     )  # fmt: skip
     return tuple(column[kept] for column in columns)
-
-
-def _is_greater(a: Ints, b: Ints) -> Flags:
-    """Compare points x first, then y, then z, (k,)."""
-    differs = a != b
-    column = np.argmax(differs, axis=1)
-    rows = np.arange(len(a))
-    return np.asarray(a[rows, column] > b[rows, column])
 
 
 def by_layer(travels: Travels, n_layers: int) -> Floats:

@@ -60,29 +60,21 @@ def draw_machine(machine: Machine, path: Path | str) -> None:
 
 def _shapes(machine: Machine) -> list[list[int]]:
     """Return the heads of each shape, in the order of the first of each."""
-    found: list[list[int]] = []
+    found: dict[str, list[int]] = {}
     for h, head in enumerate(machine.heads):
-        same = (group for group in found if _alike(machine.heads[group[0]], head))
-        group = next(same, None)
-        if group is None:
-            found.append([h])
-        else:
-            group.append(h)
-    return found
-
-
-def _alike(head: Head, other: Head) -> bool:
-    one, two = (
-        [(s.height_mm, [np.asarray(p).tolist() for p in s.polygons]) for s in h.slices]
-        for h in (head, other)
-    )
-    return one == two and head.bodies == other.bodies
+        slices = [(s.height_mm, [np.asarray(p).tolist() for p in s.polygons]) for s in head.slices]
+        found.setdefault(repr((slices, head.bodies)), []).append(h)
+    return list(found.values())
 
 
 def _draw_slices(axis: Any, head: Head, names: str) -> None:
     """Draw the slices from above, the lowest on top; `names` are of the heads of this shape."""
     corners = [np.concatenate(piece.polygons) for piece in head.slices]
-    _frame(axis, np.concatenate(corners) if corners else np.zeros((1, 2)))
+    reach = float(np.abs(np.concatenate([np.zeros((1, 2)), *corners])).max())
+    half = min(NEAR_MM, 1.15 * reach + 2.0)
+    axis.set_xlim(-half, half)
+    axis.set_ylim(-half, half)
+    axis.set_aspect("equal")
     for k, piece in reversed(list(enumerate(head.slices))):
         for polygon in piece.polygons:
             axis.add_patch(Polygon(polygon, closed=True, fc=_shade(k), ec="black", lw=0.8))
@@ -104,14 +96,6 @@ def _below(axis: Any, inches: float) -> Any:
     """Return where an axis is, so many inches lower: for legends below its label."""
     scale = axis.figure.dpi_scale_trans
     return axis.transAxes + ScaledTranslation(0.0, -inches, scale)
-
-
-def _frame(axis: Any, points: Floats) -> None:
-    """Show a square around the nozzle that holds the points, if they are near."""
-    half = min(NEAR_MM, 1.15 * float(np.abs(points).max()) + 2.0)
-    axis.set_xlim(-half, half)
-    axis.set_ylim(-half, half)
-    axis.set_aspect("equal")
 
 
 def _shade(k: int) -> str:
@@ -193,8 +177,7 @@ def _draw_parked(axis: Any, head: Head, colour: str) -> None:
     for body in head.bodies:
         corner = (head.park[0] + body.minimum[0], head.park[1] + body.minimum[1])
         size = (body.maximum[0] - body.minimum[0], body.maximum[1] - body.minimum[1])
-        axis.add_patch(Rectangle(corner, *size, fc=colour, alpha=0.12))
-        axis.add_patch(Rectangle(corner, *size, fill=False, ec=colour, lw=1.0))
+        axis.add_patch(Rectangle(corner, *size, fc=(colour, 0.12), ec=colour, lw=1.0))
 
 
 def _parked_corners(machine: Machine) -> list[Floats]:

@@ -32,8 +32,7 @@ def draw_row_above(axis: Any, machine: Machine, row: HeadsInRow) -> None:
         colour = head_colour(h, len(machine.heads))
         for part in parts_of(machine.heads[h]):
             corners = part.polygon + nozzle
-            axis.add_patch(Polygon(corners, closed=True, fc=colour, alpha=0.13, lw=0))
-            axis.add_patch(Polygon(corners, closed=True, fill=False, ec=colour, lw=0.9))
+            axis.add_patch(Polygon(corners, closed=True, fc=(colour, 0.13), ec=colour, lw=0.9))
         axis.plot(*nozzle, "k+", ms=8)
         _name(axis, nozzle, machine.heads[h])
     for gap, (start, end) in zip(row.gaps_mm, row.ends, strict=True):
@@ -42,7 +41,11 @@ def draw_row_above(axis: Any, machine: Machine, row: HeadsInRow) -> None:
         aside = (0, -15) if row.axis == 0 else (12, -3)
         axis.annotate(f"{gap:.4g} mm", middle, textcoords="offset points", xytext=aside,
                       ha="left" if row.axis else "center", fontsize=8, bbox=BOX)  # fmt: skip
-    _frame(axis, row, row.nozzles[:, 0], row.nozzles[:, 1])
+    middle = (row.nozzles.min(axis=0) + row.nozzles.max(axis=0)) / 2.0
+    half = float(np.ptp(row.nozzles, axis=0).max()) / 2.0 + AROUND_MM
+    axis.set_xlim(middle[0] - half, middle[0] + half)
+    axis.set_ylim(middle[1] - half, middle[1] + half)
+    axis.set_aspect("equal")
     along = "side by side" if row.axis == 0 else "behind one another"
     axis.set_title(f"as near {along} as they may: from above", fontsize=10)
     axis.set_xlabel("x, mm")
@@ -62,15 +65,6 @@ def _name(axis: Any, at: Any, head: Head) -> None:
                   ha="center", fontsize=8, bbox=BOX)  # fmt: skip
 
 
-def _frame(axis: Any, row: HeadsInRow, across: Any, up: Any) -> None:
-    """Show what is within `AROUND_MM` of the nozzles, as wide as it is high."""
-    middle = np.array([across.min() + across.max(), up.min() + up.max()]) / 2.0
-    half = max(np.ptp(across), np.ptp(up)) / 2.0 + AROUND_MM
-    axis.set_xlim(middle[0] - half, middle[0] + half)
-    axis.set_ylim(middle[1] - half, middle[1] + half)
-    axis.set_aspect("equal")
-
-
 def draw_row_beside(axis: Any, machine: Machine, row: HeadsInRow) -> None:
     """Draw all parts of the heads from the side on which the row is seen, tips at one height."""
     d = row.axis
@@ -79,8 +73,7 @@ def draw_row_beside(axis: Any, machine: Machine, row: HeadsInRow) -> None:
         for part in parts_of(machine.heads[h]):
             low, high = part.polygon[:, d].min() + nozzle[d], part.polygon[:, d].max() + nozzle[d]
             size = (high - low, part.high - part.low)
-            axis.add_patch(Rectangle((low, part.low), *size, fc=colour, alpha=0.13, lw=0))
-            axis.add_patch(Rectangle((low, part.low), *size, fill=False, ec=colour, lw=0.9))
+            axis.add_patch(Rectangle((low, part.low), *size, fc=(colour, 0.13), ec=colour, lw=0.9))
         _name(axis, (nozzle[d], 0.0), machine.heads[h])
     places = row.nozzles[:, d]
     half = float(np.ptp(places)) / 2.0 + AROUND_MM

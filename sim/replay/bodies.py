@@ -25,6 +25,7 @@ from sim.replay.shapes import Solid, Vertices, parts_of, separations_between, sw
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-6
+MOST = 2 * LIMIT  # pairs that are found of what two heads do: more is not listed
 NamedParts = list[tuple[str, Vertices]]  # name and corners of each part of a head
 
 
@@ -48,18 +49,11 @@ class Stations:
         return self.points[self.offsets[i] : self.offsets[i + 1]]
 
 
-def boxes_of(points: Floats, offsets: Ints) -> Floats:
-    """Return the bounding boxes of nozzle paths, none empty, (n, 6)."""
-    if len(offsets) < 2:
-        return np.empty((0, 6))
-    return np.hstack([f.reduceat(points, offsets[:-1]) for f in (np.minimum, np.maximum)])
-
-
 def action_stations(actions: HeadActions, order: PartialOrder, head: int, other: int) -> Stations:
     """Return every action of a head with the actions of `other` it is not ordered against."""
     points, offsets = actions.path, actions.path_offsets
+    boxes = np.hstack([f.reduceat(points, offsets[:-1]) for f in (np.minimum, np.maximum)])
     low, high = order.preceding(head, other), order.following(head, other)
-    boxes = boxes_of(points, offsets)
     return Stations(points, offsets, boxes, low, high, np.arange(len(actions)), False)
 
 
@@ -71,11 +65,10 @@ def rest_stations(
     A rest ends when the next action begins, so only what precedes the action
     before it or follows the action after it is excluded.
     """
-    k, n_other = len(actions), len(order.clocks[other])
     points = np.concatenate([park[None, :], actions.path[actions.path_offsets[1:] - 1]])
     low = np.concatenate([[0], order.preceding(head, other)])
-    high = np.concatenate([order.following(head, other), [n_other]])
-    boxes = np.hstack([points, points])
+    high = np.concatenate([order.following(head, other), [len(order.clocks[other])]])
+    k, boxes = len(actions), np.hstack([points, points])
     return Stations(points, np.arange(k + 2), boxes, low, high, np.arange(-1, k), True)
 
 
@@ -86,15 +79,14 @@ def concurrent(
     r: int,
     s: int,
 ) -> Iterator[tuple[Stations, Stations]]:
-    """Yield what head r does beside what head s may do meanwhile, each pair of them once.
+    """Yield what head r does beside what head s may do meanwhile, rests first, each pair once.
 
     Asked for (r, s) and (s, r), this covers all: whenever two heads rest at the
     same time, the one that came last moved while the other rested, or neither
     has moved yet.
     """
     theirs = action_stations(all_actions[s], order, s, r)
-    rests = rest_stations(all_actions[r], order, r, s, np.array(heads[r].park))
-    yield rests, theirs
+    yield rest_stations(all_actions[r], order, r, s, np.array(heads[r].park)), theirs
     if r < s:
         yield action_stations(all_actions[r], order, r, s), theirs
         yield parked(heads[r]), parked(heads[s])
@@ -113,9 +105,7 @@ def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list
     parts = [[(part.name, part.vertices()) for part in parts_of(head)] for head in machine.heads]
     for r, s in permutations(range(len(legs.all_actions)), 2):
         for stations, others in concurrent(machine.heads, legs.all_actions, order, r, s):
-            clashes = find_clashes(
-                stations, others, parts[r], parts[s], machine.head_clearance_mm, 2 * LIMIT
-            )
+            clashes = find_clashes(stations, others, parts[r], parts[s], machine.head_clearance_mm)
             lines += [
                 f"{legs.station(r, int(stations.action[i]), stations.rest)} and "
                 f"{legs.station(s, int(others.action[j]), others.rest)} may happen together "
@@ -131,15 +121,11 @@ def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[
     for r, s in permutations(range(len(legs.all_actions)), 2):
         for axis, side, least in separations_between(document.machine, heads[r], heads[s]):
             for stations, others in concurrent(heads, legs.all_actions, order, r, s):
-                breaks = find_rail_breaks(
-                    stations, others, axis=axis, separation_mm=least, below=side > 0.0,
-                    limit=2 * LIMIT,
-                )  # fmt: skip
                 lines += [
-                    f"{legs.station(r, a, stations.rest)} and {legs.station(s, b, others.rest)} "
-                    f"may happen together and be {gap:.3f} mm apart along {'xy'[axis]}, "
-                    f"less than {least:g} mm"
-                    for a, b, gap in breaks
+                    f"{legs.station(r, int(stations.action[i]), stations.rest)} and "
+                    f"{legs.station(s, int(others.action[j]), others.rest)} may happen together "
+                    f"and be {gap:.3f} mm apart along {'xy'[axis]}, less than {least:g} mm"
+                    for i, j, gap in find_rail_breaks(stations, others, axis, side, least)
                 ]
     return listed(FaultKind.RAIL, lines)
 
@@ -155,9 +141,12 @@ def count_pairs(legs: Legs, order: PartialOrder) -> int:
 
 def find_clashes(
     stations: Stations, others: Stations, parts: NamedParts, other_parts: NamedParts,
-    clearance_mm: float, limit: int,
+    clearance_mm: float,
 ) -> dict[tuple[int, int], tuple[float, str, str]]:  # fmt: skip
-    """Return how near, and with what, stations come too near to concurrent ones of another head."""
+    """Return how near, and with what, stations come too near to concurrent ones of another head.
+
+    `MOST` at the most are found.
+    """
     reach, clashes = clearance_mm - TOLERANCE_MM, dict[tuple[int, int], tuple[float, str, str]]()
     if not parts or not other_parts:
         return clashes
@@ -166,7 +155,7 @@ def find_clashes(
     for pairs in near_in_windows(mine, stations.low, stations.high, theirs):
         for (name, a), (other, b) in product(parts, other_parts):
             for i, j in _near_pairs(pairs, stations, others, a, b, reach):
-                if len(clashes) >= limit:
+                if len(clashes) >= MOST:
                     return clashes
                 gap = path_gap(stations.path(i), a, others.path(j), b, reach)
                 if gap < reach:
@@ -190,40 +179,21 @@ def _near_pairs(
 
 
 def find_rail_breaks(
-    stations: Stations,
-    others: Stations,
-    *,
-    axis: int,
-    separation_mm: float,
-    below: bool,
-    limit: int,
+    stations: Stations, others: Stations, axis: int, side: float, separation_mm: float
 ) -> list[tuple[int, int, float]]:
-    """Return (own action, other action, distance) of pairs that break the order of a rail.
+    """Return pairs that break the order of a rail, and the distance of their nozzles; `MOST`.
 
-    Parameters
-    ----------
-    stations, others : Stations
-    axis : 0 for X, 1 for Y
-    separation_mm : least distance of the two nozzles along the axis
-    below : whether the first head is the one with the smaller coordinate
-    limit : stop after this many
+    `side` is 1 where the other head has the greater coordinate, else -1.
     """
-    boxes = np.empty_like(stations.boxes)
-    boxes[:, :3], boxes[:, 3:] = -np.inf, np.inf
-    side = separation_mm - TOLERANCE_MM
-    if below:
-        boxes[:, axis + 3] = stations.boxes[:, axis + 3] + side
-    else:
-        boxes[:, axis] = stations.boxes[:, axis] - side
+    inner, outer = (axis + 3, axis) if side > 0.0 else (axis, axis + 3)
+    edge, facing = stations.boxes[:, inner], others.boxes[:, outer]
+    boxes = np.tile([-np.inf] * 3 + [np.inf] * 3, (len(edge), 1))
+    boxes[:, inner] = edge + side * (separation_mm - TOLERANCE_MM)
     breaks: list[tuple[int, int, float]] = []
     for pairs in near_in_windows(boxes, stations.low, stations.high, others.boxes):
-        for i, j in pairs[: limit - len(breaks)].tolist():
-            if below:
-                gap = others.boxes[j, axis] - stations.boxes[i, axis + 3]
-            else:
-                gap = stations.boxes[i, axis] - others.boxes[j, axis + 3]
-            breaks.append((int(stations.action[i]), int(others.action[j]), float(gap)))
-        if len(breaks) >= limit:
+        for i, j in pairs[: MOST - len(breaks)].tolist():
+            breaks.append((i, j, side * float(facing[j] - edge[i])))
+        if len(breaks) >= MOST:
             break
     return breaks
 
@@ -232,33 +202,22 @@ def path_gap(
     path: Floats, shape: Vertices, other: Floats, other_shape: Vertices, reach: float
 ) -> float:
     """Return the least distance of two swept shapes, as far as it is below `reach`."""
-    least = np.inf
-    for i, j in _near_segments(path, shape, other, other_shape, reach):
-        least = min(
-            least, _segment_solid(path, i, shape).distance(_segment_solid(other, j, other_shape))
-        )
-        if least == 0.0:
-            break
+    least, (mine, theirs) = np.inf, map(_segments, (path, other))
+    their_boxes = _grown(_boxes(theirs), other_shape, 0.0)
+    for segment, box in zip(mine, _grown(_boxes(mine), shape, 0.0), strict=True):
+        near = (their_boxes[:, :3] < box[3:] + reach) & (their_boxes[:, 3:] > box[:3] - reach)
+        for j in np.flatnonzero(near.all(axis=1)).tolist():
+            solid = Solid(swept_vertices(shape, *segment))
+            least = min(least, solid.distance(Solid(swept_vertices(other_shape, *theirs[j]))))
+            if least == 0.0:
+                return least
     return float(least)
 
 
-def _segment_solid(path: Floats, i: int, shape: Vertices) -> Solid:
-    end = path[min(i + 1, len(path) - 1)]
-    return Solid(swept_vertices(shape, path[i], end))
+def _segments(path: Floats) -> Floats:
+    """Return both ends of each segment of a path, (n, 2, 3); of one point a segment at it."""
+    return np.stack([path[:-1], path[1:]] if len(path) > 1 else [path, path], axis=1)
 
 
-def _segment_boxes(path: Floats, shape: Vertices) -> Floats:
-    start, end = (path[:-1], path[1:]) if len(path) > 1 else (path, path)
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    return np.hstack([low + shape.min(axis=0), high + shape.max(axis=0)])
-
-
-def _near_segments(
-    path: Floats, shape: Vertices, other: Floats, other_shape: Vertices, reach: float
-) -> Iterator[tuple[int, int]]:
-    """Yield pairs of segments whose swept boxes come nearer than `reach`."""
-    theirs = _segment_boxes(other, other_shape)
-    for i, box in enumerate(_segment_boxes(path, shape)):
-        near = (theirs[:, :3] < box[3:] + reach) & (theirs[:, 3:] > box[:3] - reach)
-        for j in np.nonzero(near.all(axis=1))[0].tolist():
-            yield i, j
+def _boxes(segments: Floats) -> Floats:
+    return np.hstack([segments.min(axis=1), segments.max(axis=1)])

@@ -44,38 +44,30 @@ def apart(a: Floats, b: Floats) -> bool:
 
 
 @compiled
-def query_window(
-    tree: Floats, box: Floats, low: int, high: int, row: int, found: Any, n: int
-) -> int:
-    """Write (row, j) for every leaf j in [low, high) that overlaps; returns the new count."""
-    size = len(tree) // 2
+def query_all(tree: Floats, boxes: Floats, low: Ints, high: Ints, found: Any) -> int:
+    """Write (row, j) for each leaf j in [low, high) that overlaps the box of a row.
+
+    Returns their number, written or not.
+    """
+    n, size = 0, len(tree) // 2
     stack = np.empty((64, 3), np.int64)
-    stack[0] = (1, 0, size)
-    depth = 1
-    while depth:
-        depth -= 1
-        node, first, last = stack[depth]
-        if last <= low or first >= high or apart(tree[node], box):
-            continue
-        if node >= size:
+    for row in range(len(boxes)):
+        stack[0] = (1, 0, size)
+        depth = 1 if high[row] > low[row] else 0
+        while depth:
+            depth -= 1
+            node, first, last = stack[depth]
+            if last <= low[row] or first >= high[row] or apart(tree[node], boxes[row]):
+                continue
+            if node < size:
+                middle = (first + last) // 2
+                stack[depth] = (2 * node + 1, middle, last)
+                stack[depth + 1] = (2 * node, first, middle)
+                depth += 2
+                continue
             if n < len(found):
                 found[n, 0], found[n, 1] = row, first
             n += 1
-            continue
-        middle = (first + last) // 2
-        stack[depth] = (2 * node + 1, middle, last)
-        stack[depth + 1] = (2 * node, first, middle)
-        depth += 2
-    return n
-
-
-@compiled
-def query_all(tree: Floats, boxes: Floats, low: Ints, high: Ints, found: Any) -> int:
-    """Write the overlapping pairs of all queries; returns their number, written or not."""
-    n = 0
-    for row in range(len(boxes)):
-        if high[row] > low[row]:
-            n = query_window(tree, boxes[row], low[row], high[row], row, found, n)
     return n
 
 

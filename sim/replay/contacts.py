@@ -3,8 +3,8 @@
 The ramp of a scarf seam runs below the wall beside it; a path of a layer that is not flat is
 lower somewhere than its neighbour. Such a contact is the slicer's. A result may have it between
 the same two contours, no deeper. If they lie side by side it keeps their order, and they run as
-sliced. All of it is found by
-moving the head through the contours in the source's order; nothing a plan says is believed.
+sliced. All of it is found by moving the head through the contours in the source's order; nothing a
+plan says is believed.
 
 Deep ones are none of these. The tip may go into a bead by as much as that is high. On one layer
 of the source it may pass beside a bead that stands higher, up to where the head gets wider.
@@ -48,14 +48,10 @@ class Meetings:
     beside: Flags  # (k,) two contours side by side: they keep their order
 
     @property
-    def pairs(self) -> Ints:
-        """Return rows (contour of the nozzle, contour of the bead), (k, 2)."""
-        return np.stack([self.key // self.n, self.key % self.n], axis=1)
-
-    @property
     def ordered(self) -> Ints:
-        """Return those of the pairs that keep their order, (m, 2)."""
-        return self.pairs[self.beside]
+        """Return rows (contour of the nozzle, of the bead) that keep their order, (m, 2)."""
+        key = self.key[self.beside]
+        return np.stack([key // self.n, key % self.n], axis=1)
 
     def allow(self, nozzle: Ints, bead: Ints, depth: Floats) -> Flags:
         """Tell which contacts the source makes too, no less deep; `NOBODY`'s never are."""
@@ -79,22 +75,19 @@ def source_meetings(
     UndecidedError
         When there are too many near misses to judge.
     """
-    none = Meetings(
-        max(len(contours), 1), np.empty(0, np.int64), np.empty(0), np.empty(0, np.bool_)
-    )
-    if not len(contours) or not _may_meet(contours):
-        return none
+    n = len(contours)
+    if not n or not _may_meet(contours):
+        return Meetings(max(n, 1), np.empty(0, np.int64), np.empty(0), np.empty(0, np.bool_))
     moves, owner, beads = _as_printed(contours)
     beads, margins = as_material(beads, machine, tolerance_mm), (machine.clearance_mm, tolerance_mm)
     deep = partial(_deep, contours, head)
     pairs, depth = deepest_contacts(moves, owner, beads, head, margins=margins, ends_at=deep)
     if deep(pairs, depth).any():
         pairs, depth = _within_layers(contours, (moves, owner, beads), head, margins)
-    kept = np.argsort(pairs[:, 0] * len(contours) + pairs[:, 1])
+    key = pairs[:, 0] * n + pairs[:, 1]
+    kept = np.argsort(key)
     kept = kept[depth[kept] <= _most(contours, head, pairs[kept])]
-    pairs, depth = pairs[kept], depth[kept]
-    key = pairs[:, 0] * len(contours) + pairs[:, 1]
-    return Meetings(len(contours), key, depth, _beside(contours, pairs))
+    return Meetings(n, key[kept], depth[kept], _beside(contours, pairs[kept]))
 
 
 def _most(contours: Contours, head: Head, pairs: Ints) -> Floats:
@@ -272,10 +265,9 @@ def check_meetings(
 
 def turned_touching(contour: Ints, touching: Flags) -> list[Fault]:
     """Return a fault for each contour that does not run as sliced and is `touching`."""
-    wrong = contour[touching[contour]].tolist()
     lines = [
         f"contour {c} does not run as sliced, and in the source it touches another so"
-        for c in wrong
+        for c in contour[touching[contour]].tolist()
     ]
     return listed(FaultKind.WRONG_PATH, lines)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations, product
 
 import numpy as np
 
@@ -22,20 +22,16 @@ from sim.content.paths import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.compiled import compiled
-from sim.replay.shapes import Solid, Vertices, parts_of, separations_between, swept_vertices
+from sim.replay.shapes import (
+    Solid,
+    bounds_of,
+    parts_of,
+    separations_between,
+    swept_vertices,
+)
 from sim.rules.order import PartialOrder
 
 SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few
-
-
-@dataclass(frozen=True, slots=True)
-class HeadConflict:
-    """Two heads nearer than the clearance at some time of a replay."""
-
-    time_s: float
-    heads: tuple[int, int]
-    actions: tuple[int, int]  # legs
-    gap_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,18 +53,19 @@ def check_replays(
     for name, factors in timing_factors(legs, trials, seed):
         courses = run_trial(machine, legs.all_actions, order, passing, factors)
         for pieces in shared_pieces(courses):
-            contacts += [_met(legs, name, m) for m in head_conflicts(machine, pieces)]
-            breaks += [_met(legs, name, m) for m in rail_breaks(machine, pieces)]
+            contacts += [_met(legs, name, pieces, *m) for m in head_conflicts(machine, pieces)]
+            breaks += [_met(legs, name, pieces, *m) for m in rail_breaks(machine, pieces)]
         counts["replays"] = counts.get("replays", 0) + 1
     counts["contacts"] = len(contacts)
     return [*listed(FaultKind.HEAD_HEAD, contacts), *listed(FaultKind.RAIL, breaks)]
 
 
-def _met(legs: Legs, trial: str, m: HeadConflict) -> str:
-    (r, s), (a, b) = m.heads, m.actions
+def _met(legs: Legs, trial: str, pieces: PairMotion, k: int, gap: float, turn: int = 1) -> str:
+    """Say how near two heads are in a piece of their motion, the second first with turn -1."""
+    (r, s), (a, b) = pieces.heads[::turn], pieces.actions[k, ::turn].tolist()
     return (
-        f"replay {trial!r} at {m.time_s:.2f} s: {legs.station(r, a)} and "
-        f"{legs.station(s, b)}: {m.gap_mm:.3f} mm apart"
+        f"replay {trial!r} at {pieces.time[k]:.2f} s: {legs.station(r, a)} and "
+        f"{legs.station(s, b)}: {gap:.3f} mm apart"
     )
 
 
@@ -79,20 +76,14 @@ def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, li
     all fast and the others all slow, for each head; and fast and slow in turn.
     Where actions are cut, the same at random and in turn for their legs.
     """
-    sizes, all_actions = [len(actions) for actions in legs.whole], legs.whole
     yield "nominal", [np.ones(len(actions)) for actions in legs.all_actions]
-    for name, factors in _random(sizes, trials, seed):
-        yield name, _of_legs(legs, factors)
-    if len(all_actions) < 2:
-        return
-    for fast in range(len(all_actions)):
-        factors = [np.full(n, FASTEST if r == fast else SLOWEST) for r, n in enumerate(sizes)]
-        yield f"head {all_actions[fast].head} fast", _of_legs(legs, factors)
-    for name, factors in _in_turn(sizes):
-        yield name, _of_legs(legs, factors)
-    if legs.cut:
+    sizes, several = [len(actions) for actions in legs.whole], len(legs.whole) > 1
+    for name, factors in chain(_random(sizes, trials, seed), _biased(legs) if several else ()):
+        of_legs = zip(factors, legs.origin, strict=True)
+        yield name, [factor[origin] for factor, origin in of_legs]
+    if several and legs.cut:
         sizes = [len(actions) for actions in legs.all_actions]
-        for name, factors in (*_random(sizes, trials, seed), *_in_turn(sizes)):
+        for name, factors in chain(_random(sizes, trials, seed), _in_turn(sizes)):
             yield f"{name}, each leg", factors
 
 
@@ -102,34 +93,33 @@ def _random(sizes: list[int], trials: int, seed: int) -> Iterator[tuple[str, lis
         yield f"random {trial}", [np.exp2(rng.uniform(-1.0, 1.0, n)) for n in sizes]
 
 
+def _biased(legs: Legs) -> Iterator[tuple[str, list[Floats]]]:
+    sizes = [len(actions) for actions in legs.whole]
+    for h, actions in enumerate(legs.whole):
+        speeds = [FASTEST if r == h else SLOWEST for r in range(len(sizes))]
+        yield f"head {actions.head} fast", list(map(np.full, sizes, speeds))
+    yield from _in_turn(sizes)
+
+
 def _in_turn(sizes: list[int]) -> Iterator[tuple[str, list[Floats]]]:
     for first in range(2):
         turns = [(np.arange(n) + r + first) % 2 for r, n in enumerate(sizes)]
         yield f"in turn {first}", [np.where(turn, SLOWEST, FASTEST) for turn in turns]
 
 
-def _of_legs(legs: Legs, factors: list[Floats]) -> list[Floats]:
-    """Return for each leg the factor of its action."""
-    return [factor[origin] for factor, origin in zip(factors, legs.origin, strict=True)]
-
-
 def execute(
     all_actions: tuple[HeadActions, ...], order: PartialOrder, seconds: list[Floats]
 ) -> list[Floats]:
     """Return when each leg begins if each begins as early as order and lags allow."""
-    start = np.concatenate([[0], np.cumsum([len(actions) for actions in all_actions])]).astype(
-        np.int64
-    )
+    start = np.cumsum([0, *map(len, all_actions)]).astype(np.int64)
     number = start[order.sequence[:, 0]] + order.sequence[:, 1]
     first = order.sequence[:, 1] == 0
     counts = np.concatenate([np.diff(actions.after_offsets) for actions in all_actions])
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    after = np.concatenate(
-        [start[actions.after_head] + actions.after_action for actions in all_actions]
-    )
+    after = [start[actions.after_head] + actions.after_action for actions in all_actions]
     lags = np.concatenate([actions.after_lag_s for actions in all_actions])
     taken = np.concatenate(seconds)
-    begin = _earliest(number, first, offsets, after.astype(np.int64), lags, taken)
+    begin = _earliest(number, first, offsets, np.concatenate(after), lags, taken)
     return [begin[start[r] : start[r + 1]] for r in range(len(all_actions))]
 
 
@@ -147,53 +137,32 @@ def _earliest(
     return begin
 
 
-def timed_path_of(
-    actions: HeadActions,
-    begin: Floats,
-    factor: Floats,
-    arrivals: Floats,
-    park: Floats,
-    end_s: float,
-) -> TimedPath:
-    """Return where a head is from 0 to `end_s` seconds."""
-    if not len(actions):
-        return TimedPath(np.array([0.0, end_s]), np.array([park, park]), np.array([-1, -1]))
-    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
-    return TimedPath(
-        np.concatenate([[0.0], begin[owner] + factor[owner] * arrivals, [end_s]]),
-        np.concatenate([actions.path[:1], actions.path, actions.path[-1:]]),
-        np.concatenate([[-1], owner, [len(actions) - 1]]),
-    )
+def head_conflicts(machine: Machine, pieces: PairMotion) -> list[tuple[int, float]]:
+    """Return the pieces in which two heads come nearer than the clearance, and how near.
 
-
-def head_conflicts(machine: Machine, pieces: PairMotion) -> list[HeadConflict]:
-    """Return the times at which two heads come nearer than the clearance, `LIMIT` at most."""
+    The first piece found of each pair of legs, `LIMIT` at most.
+    """
     reach = machine.head_clearance_mm - TOLERANCE_MM
     mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pieces.heads)
     if not mine or not theirs:
         return []
     every = np.arange(len(pieces.time) - 1)
     near = _near_pieces(
-        pieces, every, _box(np.concatenate(mine)), _box(np.concatenate(theirs)), reach
+        pieces, every, bounds_of(np.concatenate(mine)), bounds_of(np.concatenate(theirs)), reach
     )
-    found: dict[tuple[int, int], HeadConflict] = {}
-    boxes = [_box(shape) for shape in theirs]
-    for a_shape in mine:
-        a_box = _box(a_shape)
-        for b_shape, b_box in zip(theirs, boxes, strict=True):
-            for k in _near_pieces(pieces, near, a_box, b_box, reach).tolist():
-                actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
-                if actions in found or len(found) >= LIMIT:
-                    continue
-                gap = _least_gap(a_shape, b_shape, pieces, k)
-                if gap < reach:
-                    found[actions] = HeadConflict(float(pieces.time[k]), pieces.heads, actions, gap)
+    found: dict[tuple[int, int], tuple[int, float]] = {}
+    for a, b in product(mine, theirs):
+        for k in _near_pieces(pieces, near, bounds_of(a), bounds_of(b), reach).tolist():
+            actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
+            if actions in found or len(found) >= LIMIT:
+                continue
+            # both move straight and evenly, so the second as seen from the first does too
+            moved = pieces.a[k + 1] - pieces.a[k]
+            swept = swept_vertices(b, pieces.b[k], pieces.b[k + 1] - moved)
+            gap = Solid(a + pieces.a[k]).distance(Solid(swept))
+            if gap < reach:
+                found[actions] = k, gap
     return list(found.values())
-
-
-def _box(shape: Vertices) -> Floats:
-    """Return least and most x, y and z of a shape, (2, 3)."""
-    return np.stack([shape.min(axis=0), shape.max(axis=0)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,17 +178,16 @@ class PairMotion:
 
 def shared_pieces(courses: list[TimedPath]) -> list[PairMotion]:
     """Return each pair of heads, the lower first, on one time axis."""
-    return [_shared_pieces(courses, a, b) for a, b in combinations(range(len(courses)), 2)]
-
-
-def _shared_pieces(courses: list[TimedPath], a: int, b: int) -> PairMotion:
-    both = courses[a], courses[b]
-    time = np.sort(np.concatenate([course.time for course in both]), kind="stable")  # two runs
-    time = time[np.concatenate([[True], time[1:] != time[:-1]])]
-    points, actions = np.empty((2, len(time), 3)), np.empty((len(time), 2), np.int64)
-    for n, course in enumerate(both):
-        _follow(time, course.time, course.point, course.action, points[n], actions[:, n])
-    return PairMotion((a, b), time, points[0], points[1], actions)
+    found = []
+    for heads in combinations(range(len(courses)), 2):
+        both = [courses[h] for h in heads]
+        time = np.sort(np.concatenate([course.time for course in both]), kind="stable")  # two runs
+        time = time[np.concatenate([[True], time[1:] != time[:-1]])]
+        points, actions = np.empty((2, len(time), 3)), np.empty((len(time), 2), np.int64)
+        for n, course in enumerate(both):
+            _follow(time, course.time, course.point, course.action, points[n], actions[:, n])
+        found.append(PairMotion(heads, time, points[0], points[1], actions))
+    return found
 
 
 @compiled
@@ -269,28 +237,18 @@ def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> Flags:
     return near
 
 
-def _least_gap(a: Vertices, b: Vertices, pieces: PairMotion, k: int) -> float:
-    """Return how near the two shapes come in one piece.
+def rail_breaks(machine: Machine, pieces: PairMotion) -> list[tuple[int, float, int]]:
+    """Return the first piece in which two heads break each rail they share, and how near they are.
 
-    Both move straight at uniform speed, so the second as seen from the first
-    does too: sweeping the relative motion is exact.
+    Last -1 where the second head comes first along the rail, else 1.
     """
-    a0, a1, b0, b1 = pieces.a[k], pieces.a[k + 1], pieces.b[k], pieces.b[k + 1]
-    return Solid(a + a0).distance(Solid(swept_vertices(b, b0, b1 - (a1 - a0))))
-
-
-def rail_breaks(machine: Machine, pieces: PairMotion) -> list[HeadConflict]:
-    """Return the first time at which two heads break each rail they share."""
     found = []
     first, second = (machine.heads[h] for h in pieces.heads)
     for axis, side, least in separations_between(machine, first, second):
         gap = side * (pieces.b - pieces.a)[:, axis]
         bad = np.flatnonzero(gap < least - TOLERANCE_MM)
         if len(bad):
-            k, turn = int(bad[0]), int(side)  # the first along the rail comes first
-            r, s = pieces.heads[::turn]
-            one, other = pieces.actions[k, ::turn].tolist()
-            found.append(HeadConflict(float(pieces.time[k]), (r, s), (one, other), float(gap[k])))
+            found.append((int(bad[0]), float(gap[bad[0]]), int(side)))
     return found
 
 
@@ -307,12 +265,18 @@ def run_trial(
         for actions, factor, times in zip(all_actions, factors, arrivals, strict=True)
     ]
     begin = execute(all_actions, order, seconds)
-    end_s = max(
-        (float((b + d).max()) for b, d in zip(begin, seconds, strict=True) if len(b)), default=0.0
-    )
-    return [
-        timed_path_of(actions, b, f, t, np.array(head.park), end_s)
-        for actions, b, f, t, head in zip(
-            all_actions, begin, factors, arrivals, machine.heads, strict=True
+    ends = (b + d for b, d in zip(begin, seconds, strict=True))
+    end_s = max(float(each.max(initial=0.0)) for each in ends)
+    found = []
+    for h, actions in enumerate(all_actions):
+        owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+        path = actions.path if len(actions) else np.array([machine.heads[h].park], np.float64)
+        times = begin[h][owner] + factors[h][owner] * arrivals[h]
+        found.append(
+            TimedPath(
+                np.concatenate([[0.0], times, [end_s]]),
+                np.concatenate([path[:1], actions.path, path[-1:]]),
+                np.concatenate([[-1], owner, [len(actions) - 1]]),
+            )
         )
-    ]
+    return found

@@ -9,19 +9,25 @@ not ordered after the action. So this holds for every timing. Actions are legs
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Head, Machine, Stands, line_of
+from decmcts.print.machine import Head, Machine, Point, line_of
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats, Ints
 from sim.content.paths import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.material import find_contacts
-from sim.replay.shapes import Beads, as_material, beads_there, parts_of, separations_between
+from sim.replay.shapes import (
+    Beads,
+    as_material,
+    beads_there,
+    bounds_of,
+    parts_of,
+    separations_between,
+)
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-4
@@ -32,45 +38,31 @@ def check_fenced(document: PlanDocument) -> list[Fault]:
     if document.fenced is None:
         return []
     whole, at = document.fenced.machine, document.fenced.at
-    gone = {head.name: head for head in whole.heads if head.name in at}
     given = {actions.head: actions for actions in document.plan.heads}
-    met: list[str] = []
-    within: list[str] = []
-    for name, head in gone.items():
-        line = _pieces(at[name])
+    met, within = list[str](), list[str]()
+    for gone in (head for head in whole.heads if head.name in at):
+        line = line_of(at[gone.name])
+        pieces = np.hstack([line[:-1], line[1:]] if len(line) > 1 else [line, line])
         for mine in document.machine.heads:
-            moves = _moves(mine, given.get(mine.name))
-            met += head_meets(whole, mine, moves, head, line)
-        within += _printed_into(document, head, line)
+            moves = moves_of(given.get(mine.name), mine.park)[0]
+            bad = np.flatnonzero(too_near(whole, mine, moves, gone, pieces))
+            met += [
+                f"head {mine.name} comes too near to head {gone.name}, which {_place(line)}, "
+                f"between ({', '.join(f'{v:.2f}' for v in moves[k, :3])}) and "
+                f"({', '.join(f'{v:.2f}' for v in moves[k, 3:])})"
+                for k in bad[:LIMIT].tolist()
+            ]
+        within += [
+            f"contour {contour} is printed into head {gone.name}, which {_place(line)}"
+            for contour in _printed_into(document, gone, pieces)
+        ]
     return [*listed(FaultKind.HEAD_HEAD, met), *listed(FaultKind.HEAD_MATERIAL, within)]
-
-
-def _moves(head: Head, actions: HeadActions | None) -> Floats:
-    if actions is None or not len(actions):
-        return np.array([[*head.park, *head.park]], np.float64)
-    return moves_of(actions, head.park)[0]
-
-
-def _pieces(stands: Stands) -> Floats:
-    line = line_of(stands)
-    return np.hstack([line[:-1], line[1:]] if len(line) > 1 else [line, line])
 
 
 def _place(line: Floats) -> str:
     """Say where a head stands, or from where to where it may."""
-    ends = [f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in (line[0, :3], line[-1, 3:])]
+    ends = [f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in (line[0], line[-1])]
     return f"stands at {ends[0]}" if len(set(ends)) == 1 else "may stand from " + " to ".join(ends)
-
-
-def head_meets(machine: Machine, mine: Head, moves: Floats, gone: Head, line: Floats) -> list[str]:
-    """Say in which moves a head comes nearer to a fenced one than it may; `line` has its pieces."""
-    bad = too_near(machine, mine, moves, gone, line)
-    return [
-        f"head {mine.name} comes too near to head {gone.name}, which {_place(line)}, between "
-        f"({', '.join(f'{v:.2f}' for v in moves[k, :3])}) and "
-        f"({', '.join(f'{v:.2f}' for v in moves[k, 3:])})"
-        for k in np.flatnonzero(bad)[:LIMIT].tolist()
-    ]
 
 
 def too_near(machine: Machine, mine: Head, moves: Floats, other: Head, its: Floats) -> Flags:
@@ -83,7 +75,8 @@ def too_near(machine: Machine, mine: Head, moves: Floats, other: Head, its: Floa
     its_low, its_high = _corners(its)
     bad = np.zeros(len(moves), np.bool_)
     margin = machine.head_clearance_mm - TOLERANCE_MM
-    for ours, theirs in product(_boxes(mine), _boxes(other)):
+    boxes = ([bounds_of(part.vertices()) for part in parts_of(head)] for head in (mine, other))
+    for ours, theirs in product(*boxes):
         at_low, at_high = its_low + theirs[0] - margin, its_high + theirs[1] + margin
         near = (low + ours[0] < at_high.max(axis=0)) & (high + ours[1] > at_low.min(axis=0))
         for k in np.flatnonzero(near.all(axis=1) & ~bad).tolist():
@@ -101,74 +94,58 @@ def _corners(moves: Floats) -> tuple[Floats, Floats]:
     return np.minimum(*ends), np.maximum(*ends)
 
 
-def _boxes(head: Head) -> list[Floats]:
-    """Return least and most of each part of a head round its tip, slices too, (2, 3) each."""
-    return [
-        np.array([[*part.polygon.min(axis=0), part.low], [*part.polygon.max(axis=0), part.high]])
-        for part in parts_of(head)
-    ]
-
-
-def _printed_into(document: PlanDocument, gone: Head, line: Floats) -> Sequence[str]:
+def _printed_into(document: PlanDocument, gone: Head, pieces: Floats) -> list[int]:
+    """Return contours of a plan that go into a head somewhere on the pieces of a line."""
     if not any(ActionKind.PRINT in actions.kind for actions in document.plan.heads):
         return []
     beads = as_material(beads_there(document.contours), document.machine, TOLERANCE_MM)
     contacts = find_contacts(
-        line, beads, gone, clearance_mm=document.machine.clearance_mm,
+        pieces, beads, gone, clearance_mm=document.machine.clearance_mm,
         tolerance_mm=TOLERANCE_MM, limit=LIMIT,
     )  # fmt: skip
-    return [
-        f"contour {beads.label[c.bead]} is printed into head {gone.name}, which {_place(line)}"
-        for c in contacts
-    ]
+    return [int(beads.label[contact.bead]) for contact in contacts]
 
 
-def moves_of(actions: HeadActions, park: tuple[float, float, float]) -> tuple[Floats, Ints]:
+def moves_of(actions: HeadActions | None, park: Point) -> tuple[Floats, Ints]:
     """Return the moves of a head, (m, 6), with the leg of each, (m,).
 
     A last move that goes nowhere stands for the rest after the last leg. A head that does
     nothing has that one only, at its park, of leg -1.
     """
-    if not len(actions):
+    if not actions:
         return np.array([[*park, *park]], np.float64), np.array([-1])
-    starts, owner = _segments(actions)
-    ends = np.minimum(starts + 1, actions.path_offsets[owner + 1] - 1)
+    starts, ends, owner = _segments(actions)
     moves = np.hstack([actions.path[starts], actions.path[ends]])
     last = np.concatenate([actions.path[-1], actions.path[-1]])
     return np.vstack([moves, last]), np.concatenate([owner, [len(actions) - 1]])
 
 
-def _segments(actions: HeadActions) -> tuple[Ints, Ints]:
-    """Return path index and leg of every segment; a path of one point has one segment."""
+def _segments(actions: HeadActions) -> tuple[Ints, Ints, Ints]:
+    """Return both ends in the path and leg of every segment; a path of one point has one."""
     sizes = np.diff(actions.path_offsets)
     count = np.maximum(sizes - 1, 1)
     owner = np.repeat(np.arange(len(actions)), count)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    return actions.path_offsets[owner] + within, owner
-
-
-def first_moves(actions: HeadActions) -> Ints:
-    """Return the first move of every leg, and behind them that of the last rest, (k + 1,)."""
-    count = np.maximum(np.diff(actions.path_offsets) - 1, 1)
-    return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    starts = actions.path_offsets[owner] + within
+    return starts, np.minimum(starts + 1, actions.path_offsets[owner + 1] - 1), owner
 
 
 def beads_for(contours: Contours, legs: Legs, order: PartialOrder, head: int) -> Beads:
     """Return all beads of the plan, each with the first move of `head` that may meet it."""
     all_actions, last = legs.all_actions, legs.last(head)
-    moves_begin = first_moves(all_actions[head])
+    count = np.maximum(np.diff(all_actions[head].path_offsets) - 1, 1)
+    moves_begin = np.concatenate([[0], np.cumsum(count)])  # of each leg, and the last rest
     groups = []
     for other, actions in enumerate(all_actions):
-        starts, owner = _segments(actions)
+        starts, ends, owner = _segments(actions)
         printing = actions.kind[owner] == ActionKind.PRINT
-        starts, owner = starts[printing], owner[printing]
+        starts, ends, owner = starts[printing], ends[printing], owner[printing]
         if other == head:
             since = _own_since(actions, starts, owner, last, moves_begin)
         else:
             # not ordered after leg u of this head  <=>  index below following(u)
             seen = np.searchsorted(order.following(head, other), owner, side="right")
             since = moves_begin[seen]
-        ends = np.minimum(starts + 1, actions.path_offsets[owner + 1] - 1)
         groups.append((actions.path[starts], actions.path[ends], actions.contour[owner], since))
     start, end, label, since = (np.concatenate(column) for column in zip(*groups, strict=True))
     width, height = contours.width[label], contours.height[label]

@@ -10,7 +10,7 @@ bound from below.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -22,7 +22,7 @@ from decmcts.print.plan import HeadActions, PlanDocument
 from sim.arrays import Floats, Ints
 from sim.content.paths import Legs
 from sim.faults import Gap
-from sim.replay.bodies import Stations, action_stations, parked, rest_stations
+from sim.replay.bodies import Stations, concurrent
 from sim.replay.boxes import build_tree
 from sim.replay.compiled import compiled
 from sim.replay.gaps import polygon_gap
@@ -37,7 +37,6 @@ STACK = 64  # a binary tree of 2**63 leaves is not deeper
 class Shapes:
     """Pairs of parts of two heads, each as the other's part seen from this one's."""
 
-    parts: list[tuple[Part, Part]]
     offsets: Ints  # (k + 1,) rows of `xy`
     xy: Floats  # (p, 2) corners of the polygons b - a
     boxes: Floats  # (k + 1, 6) the boxes b - a; the last holds all
@@ -49,10 +48,7 @@ class HeadsNear:
 
     gap_mm: float = np.inf
     heads: tuple[int, int] = (-1, -1)
-    action: int = -1  # of the first, and whether it is the rest behind it
-    rest: bool = False
-    other_action: int = -1
-    other_rest: bool = False
+    does: tuple[tuple[int, bool], ...] = ()  # of both an action, and whether the rest behind it
     at_least: bool = False  # they climb aslant: the gap is no smaller than this
 
 
@@ -78,7 +74,7 @@ def shapes_of(mine: list[Part], theirs: list[Part]) -> Shapes:
     """Return the pairs of two heads' parts."""
     parts = [(a, b) for a in mine for b in theirs]
     if not parts:
-        return Shapes([], np.zeros(1, np.int64), np.empty((0, 2)), np.zeros((1, 6)))
+        return Shapes(np.zeros(1, np.int64), np.empty((0, 2)), np.zeros((1, 6)))
     apart = [(b.polygon[:, None] - a.polygon[None]).reshape(-1, 2) for a, b in parts]
     pair = np.repeat(np.arange(len(parts)), [len(points) for points in apart])
     hulls = shapely.convex_hull(shapely.multipoints(np.concatenate(apart), indices=pair))
@@ -92,42 +88,29 @@ def shapes_of(mine: list[Part], theirs: list[Part]) -> Shapes:
     rows[:-1, 2] = [b.low - a.high for a, b in parts]
     rows[:-1, 5] = [b.high - a.low for a, b in parts]
     rows[-1] = [*rows[:-1, :3].min(axis=0), *rows[:-1, 3:].max(axis=0)]
-    return Shapes(parts, offsets, xy, rows)
+    return Shapes(offsets, xy, rows)
 
 
 def least_gap(
     heads: tuple[Head, ...], all_actions: tuple[HeadActions, ...], order: PartialOrder
 ) -> HeadsNear:
-    """Return the nearest that any two heads may come, in whatever timing.
-
-    An action is looked at beside all that may happen meanwhile, a rest behind it only beside
-    what may not: the rest is where the action ends.
-    """
+    """Return the nearest that any two heads may come, in whatever timing."""
     known, parts = HeadsNear(), [outermost(parts_of(head)) for head in heads]
     for r, s in combinations(range(len(heads)), 2):
-        shapes, mirrored = shapes_of(parts[r], parts[s]), shapes_of(parts[s], parts[r])
-        mine = action_stations(all_actions[r], order, r, s)
-        theirs = action_stations(all_actions[s], order, s, r)
-        known = come_nearer(known, (r, s), mine, theirs, shapes)
-        known = come_nearer(known, (r, s), parked(heads[r]), parked(heads[s]), shapes)
-        rests = _rests(heads[r], all_actions[r], order, r, s)
-        known = come_nearer(known, (r, s), rests, theirs, shapes)
-        rests = _rests(heads[s], all_actions[s], order, s, r)
-        known = come_nearer(known, (s, r), rests, mine, mirrored)
+        for pair in ((r, s), (s, r)):
+            shapes = shapes_of(parts[pair[0]], parts[pair[1]])
+            rests, *moves = concurrent(heads, all_actions, order, *pair)
+            # rests last: each is where an action ended, which is what should be named
+            for stations, others in (*moves, rests):
+                known = come_nearer(known, pair, stations, others, shapes)
     return known
-
-
-def _rests(head: Head, actions: HeadActions, order: PartialOrder, own: int, other: int) -> Stations:
-    """Return the rests of a head beside what may begin only once the action before has ended."""
-    rests = rest_stations(actions, order, own, other, np.array(head.park))
-    return replace(rests, low=np.concatenate([[0], order.following(own, other)]))
 
 
 def come_nearer(
     known: HeadsNear, heads: tuple[int, int], stations: Stations, others: Stations, shapes: Shapes
 ) -> HeadsNear:
     """Return the nearest pair of a station and a concurrent one of the other head, or `known`."""
-    if not shapes.parts or not len(stations.low) or not len(others.action):
+    if len(shapes.boxes) == 1 or not len(stations.low) or not len(others.action):
         return known
     best, found = np.array([known.gap_mm]), np.full(3, -1)
     search_nearest(
@@ -140,10 +123,8 @@ def come_nearer(
     i, j, at_least = found.tolist()
     if i < 0:
         return known
-    action, other = int(stations.action[i]), int(others.action[j])
-    return HeadsNear(
-        float(best[0]), heads, action, stations.rest, other, others.rest, bool(at_least)
-    )
+    does = (int(stations.action[i]), stations.rest), (int(others.action[j]), others.rest)
+    return HeadsNear(float(best[0]), heads, does, bool(at_least))
 
 
 def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Gap | None:
@@ -152,17 +133,9 @@ def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Ga
     near = least_gap(machine.heads, legs.all_actions, order)
     if near.heads[0] < 0:
         return None
-    r, s = near.heads
-    return Gap(
-        near.gap_mm,
-        machine.head_clearance_mm,
-        (machine.heads[r].name, machine.heads[s].name),
-        (
-            legs.station(r, near.action, near.rest),
-            legs.station(s, near.other_action, near.other_rest),
-        ),
-        near.at_least,
-    )
+    names = tuple(machine.heads[h].name for h in near.heads)
+    at = tuple(legs.station(h, *does) for h, does in zip(near.heads, near.does, strict=True))
+    return Gap(near.gap_mm, machine.head_clearance_mm, names, at, near.at_least)
 
 
 @compiled

@@ -25,14 +25,6 @@ from sim.content.seams import laid_by
 from sim.replay.compiled import compiled
 
 
-def least_of_heads(
-    document: PlanDocument, all_actions: tuple[HeadActions, ...], source: PrintJob | None
-) -> list[Floats]:
-    """Return `least_arrivals` of each head; several may have to wait, so they begin at rest."""
-    rests = len(all_actions) > 1
-    return [least_arrivals(document, actions, source, rests=rests) for actions in all_actions]
-
-
 def least_arrivals(
     document: PlanDocument, actions: HeadActions, source: PrintJob | None, *, rests: bool
 ) -> Floats:
@@ -51,7 +43,9 @@ def least_arrivals(
         return np.zeros(n)
     machine = document.machine
     limits = machine.limits_of(machine.head(actions.head))
-    length, unit = steps_of(actions.path)
+    step = np.diff(actions.path, axis=0, prepend=actions.path[:1])  # that ends at each point
+    length = np.linalg.norm(step, axis=1)
+    unit = step / np.maximum(length, 1e-12)[:, None]
     speed = np.minimum(_feeds(document, actions, limits, source), share(limits.max_feed, unit))
     rate = _accelerations(document, actions, limits, source)
     rate = np.minimum(rate, share(limits.max_acceleration, unit))
@@ -141,13 +135,6 @@ def _accelerations(
     each = np.full(len(actions), travelling)
     each[prints] = most[actions.contour[prints]]
     return np.asarray(each[owner], np.float64)
-
-
-def steps_of(path: Floats) -> tuple[Floats, Floats]:
-    """Return length, (n,) mm, and direction, (n, 3), of the segment that ends at each point."""
-    step = np.diff(path, axis=0, prepend=path[:1])
-    length = np.linalg.norm(step, axis=1)
-    return length, step / np.maximum(length, 1e-12)[:, None]
 
 
 def share(limits: tuple[float, float, float, float], unit: Floats) -> Floats:

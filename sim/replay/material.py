@@ -82,26 +82,21 @@ def deepest_contacts(
     pairs : (k, 2) owner of moves, owner of beads
     depth : (k,) mm from the tip to the top of the bead, the greatest of all contacts of the pair
     """
-    order = np.argsort(beads.since, kind="stable")
     search = ContactSearch(moves, beads, parts_of(head), *margins)
-    for found, whole in _near(search, order, "near misses in the source's own order", CAPACITY):
+    for found, whole in _near(search, "near misses in the source's own order", CAPACITY):
         if whole:
-            return _deepest(search, owner, order, found)
+            return _deepest(search, owner, found)
         if ends_at is not None:
-            deepest = _deepest(search, owner, order, found, ends_at)
+            deepest = _deepest(search, owner, found, ends_at)
             if len(deepest[0]):
                 return deepest
     raise AssertionError("the last of all tries is whole")
 
 
 def _near(
-    search: ContactSearch,
-    order: Ints,
-    what: str,
-    capacity: NearMissCapacity,
-    near: NearPrint | None = None,
+    search: ContactSearch, what: str, capacity: NearMissCapacity, near: NearPrint | None = None
 ) -> Iterator[tuple[Ints, bool]]:
-    """Yield near misses, more at each try, and whether they are all of them.
+    """Yield near misses (move, bead, part), more at each try, and whether they are all of them.
 
     Raises
     ------
@@ -111,7 +106,7 @@ def _near(
     margins = (search.clearance_mm, search.tolerance_mm)
     while True:
         found, total = near_misses(
-            search.moves, search.beads, order, search.parts, margins, capacity, near
+            search.moves, search.beads, search.parts, margins, capacity, near
         )
         yield found, total <= capacity.first
         if total <= capacity.first:
@@ -122,21 +117,17 @@ def _near(
 
 
 def _deepest(
-    search: ContactSearch, owner: Ints, order: Ints,
-    found: Ints, only: SettlesQuestion | None = None,
-) -> tuple[Ints, Floats]:  # fmt: skip
+    search: ContactSearch, owner: Ints, found: Ints, only: SettlesQuestion | None = None
+) -> tuple[Ints, Floats]:
     """Return the pairs of owners that meet, and how deep, of candidates; `only` some of them."""
-    moves, beads = search.moves, search.beads
-    near = order[found[:, 1]]
-    over = over_tip(moves, beads, found[:, 0], near)
-    pair = np.stack([owner[found[:, 0]], beads.label[near]], axis=1)
+    over = over_tip(search.moves, search.beads, found[:, 0], found[:, 1])
+    pair = np.stack([owner[found[:, 0]], search.beads.label[found[:, 1]]], axis=1)
     deepest: dict[tuple[int, int], float] = {}
     wanted = np.ones(len(found), np.bool_) if only is None else only(pair, over)
     ranked = np.lexsort((-over, pair[:, 1], pair[:, 0]))
     for k in ranked[wanted[ranked]].tolist():
         key = (int(pair[k, 0]), int(pair[k, 1]))
-        move, _, part = found[k].tolist()
-        if key not in deepest and _judge(search, move, int(near[k]), part) is not None:
+        if key not in deepest and _judge(search, *found[k].tolist()) is not None:
             deepest[key] = float(over[k])
     pairs = np.array(list(deepest), np.int64).reshape(-1, 2)
     return pairs, np.array(list(deepest.values()), np.float64)
@@ -178,14 +169,13 @@ def find_contacts(
     """
     if not len(beads.start) or not len(moves):
         return []
-    order = np.argsort(beads.since, kind="stable")
     search = ContactSearch(moves, beads, parts_of(head), clearance_mm, tolerance_mm)
     what = "near misses of head and material, too many to judge"
-    for found, _ in _near(search, order, what, capacity, near):
+    for found, _ in _near(search, what, capacity, near):
         if allowed is not None:
-            met = order[found[:, 1]]
-            found = found[~allowed(found[:, 0], met, over_tip(moves, beads, found[:, 0], met))]
-        if contacts := _judge_all(search, order, found, limit):
+            move, met, _ = found.T
+            found = found[~allowed(move, met, over_tip(moves, beads, move, met))]
+        if contacts := _judge_all(search, found, limit):
             return contacts
     return []
 
@@ -201,16 +191,17 @@ class ContactSearch:
     tolerance_mm: float
 
 
-def _judge_all(search: ContactSearch, order: Ints, found: Ints, limit: int) -> list[Contact]:
+def _judge_all(search: ContactSearch, found: Ints, limit: int) -> list[Contact]:
     """Return which candidates are contacts, one a move, at most `limit`."""
     contacts: dict[int, Contact] = {}
-    for move, at, part in found.tolist():
+    for move, bead, part in found.tolist():
         if len(contacts) >= limit:
             break
-        if move not in contacts:
-            depth = _judge(search, move, int(order[at]), part)
-            if depth is not None:
-                contacts[move] = Contact(move, int(order[at]), search.parts[part].name, depth)
+        if move in contacts:
+            continue
+        depth = _judge(search, move, bead, part)
+        if depth is not None:
+            contacts[move] = Contact(move, bead, search.parts[part].name, depth)
     return list(contacts.values())
 
 

@@ -71,13 +71,6 @@ class NearPrint:
         bead = f"{called} {label[self.bead]}"
         return Gap(self.gap_mm, required, (name,), (f"{does} ({self.part})", bead))
 
-    def take(self, asked: GapQuestion, parts: list[Part]) -> None:
-        """Take over what was found."""
-        best, who = asked[:2]
-        if who[0] >= 0:
-            self.gap_mm, self.move, self.bead = max(0.0, float(best[0])), int(who[0]), int(who[1])
-            self.part = parts[int(who[2])].name
-
 
 GapQuestion = tuple[Floats, Ints, Any, Any, Any, Any, Any]
 """What `sim.replay.gaps.come_nearer` takes."""
@@ -115,18 +108,18 @@ def asked_of(
 def near_misses(
     moves: Floats,
     beads: Beads,
-    order: Ints,
     parts: list[Part],
     margins: tuple[float, float],
     capacity: NearMissCapacity,
     near: NearPrint | None = None,
 ) -> tuple[Ints, int]:
-    """Return rows (move, position in `order`, part) to look at closely, and their number.
+    """Return rows (move, bead, part) to look at closely, and their number.
 
     With more than `capacity.first` the search stops there, and the number is above that.
     `margins` are the clearance and the tolerance; `near` is filled in where given.
     """
     clearance_mm, tolerance_mm = margins
+    order = np.argsort(beads.since, kind="stable")
     rows, since = _rectangles(beads, order, clearance_mm), beads.since[order]
     offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
     heights = np.array([p.low for p in parts]) + tolerance_mm
@@ -136,24 +129,22 @@ def near_misses(
     grid, shape = raster.grid_over(low, high)
     _refuse_too_many(rows, grid, shape, max(capacity.cells, capacity.cells_each * len(rows)))
     moves = np.ascontiguousarray(moves, np.float64)
+    every = np.arange(len(moves))
     kept = _that_matter(moves, since, rows[:, 6], float(heights.min()))
     if not len(kept):
         return np.empty((0, 3), np.int64), 0
-    rows, upto = rows[kept], _there_by(since[kept], len(moves))
+    rows, order, upto = rows[kept], order[kept], np.searchsorted(since[kept], every, side="right")
     entries = raster.count_entries(rows, grid, shape)
     found = np.empty((capacity.first, 3), np.int64)
-    asked = asked_of(near, beads, order[kept], parts, packed, margins)
+    asked = asked_of(near, beads, order, parts, packed, margins)
     n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found, asked))
-    if near is not None:
-        near.take(asked, parts)
+    move, bead, part = asked[1][:3].tolist()
+    if near is not None and move >= 0:
+        near.gap_mm, near.move, near.bead = max(0.0, float(asked[0][0])), move, bead
+        near.part = parts[part].name
     found = found[:n]
-    found[:, 1] = kept[found[:, 1]]
+    found[:, 1] = order[found[:, 1]]
     return found, n
-
-
-def _there_by(since: Ints, n_moves: int) -> Ints:
-    """Return how many beads, sorted by `since`, may be there at each move, (n_moves,)."""
-    return np.searchsorted(since, np.arange(n_moves), side="right")
 
 
 def _that_matter(moves: Floats, since: Ints, tops: Floats, least: float) -> Ints:
@@ -161,7 +152,8 @@ def _that_matter(moves: Floats, since: Ints, tops: Floats, least: float) -> Ints
 
     A head that prints layer by layer never goes below the top of anything, so there are none.
     """
-    lowest = raster.lowest_asked(moves, _there_by(since, len(moves)), tops, least)
+    upto = np.searchsorted(since, np.arange(len(moves)), side="right")  # there at each move
+    lowest = raster.lowest_asked(moves, upto, tops, least)
     there = np.flatnonzero(since < len(moves))
     return there[tops[there] > lowest[np.maximum(since[there], 0)]]
 

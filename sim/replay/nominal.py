@@ -15,13 +15,14 @@ Along a travel, whose feed the plan does not state, a point is passed as if at a
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TypeGuard
 
 import numpy as np
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats
+from sim.arrays import Flags, Floats, Ints
 from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
@@ -73,17 +74,23 @@ def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[Fla
         waits = np.zeros(len(actions) + 1, np.bool_)
         owner = np.repeat(np.arange(len(actions)), np.diff(actions.after_offsets))
         waits[owner[actions.after_head != h]] = True
-        stopped.append(waits)
-    for g, actions in enumerate(all_actions):
-        for h, other in enumerate(all_actions):
-            mine = (actions.after_head == h) & (h != g)
-            action, point = actions.after_action[mine], actions.after_point[mine]
-            last = np.diff(other.path_offsets)[action] - 1
-            ended = (point == ACTION_END) | (point == last)
-            if release == "point":
-                ended &= other.kind[action] == ActionKind.WAIT
-            stopped[h][action[ended] + 1] = True
-    return [waits[:-1] for waits in stopped]
+        action, point = _awaited(all_actions, h)
+        ended = point == np.diff(actions.path_offsets)[action] - 1
+        if release == "point":
+            ended &= actions.kind[action] == ActionKind.WAIT
+        waits[action[ended] + 1] = True
+        stopped.append(waits[:-1])
+    return stopped
+
+
+def _awaited(all_actions: tuple[HeadActions, ...], head: int) -> tuple[Ints, Ints]:
+    """Return action and point, an end as the last point, of all that others wait for of a head."""
+    others = [(each, each.after_head == head) for h, each in enumerate(all_actions) if h != head]
+    none = np.empty(0, np.int64)
+    action = np.concatenate([none, *(each.after_action[mine] for each, mine in others)])
+    point = np.concatenate([none, *(each.after_point[mine] for each, mine in others)])
+    last = np.diff(all_actions[head].path_offsets)[action] - 1
+    return action, np.where(point == ACTION_END, last, point)
 
 
 def check_least(all_actions: tuple[HeadActions, ...], least: list[Floats]) -> list[Fault]:
@@ -101,29 +108,24 @@ def check_least(all_actions: tuple[HeadActions, ...], least: list[Floats]) -> li
 
 def check_metrics(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[Fault]:
     """Check the figures a plan states of itself, where it does, against its actions."""
-    lines = []
+    lines, metrics = [], document.metrics
     for name, due in _figures(document, all_actions).items():
-        stated = document.metrics.get(name, due)
-        if not _alike(stated, due):
+        stated, within = metrics.get(name, due), TIME_TOLERANCE_S + 1e-6 * abs(due)
+        # compared, not subtracted: an int may be huge
+        if not _is_number(stated) or not due - within <= stated <= due + within:
             lines.append(f"{name} is stated as {stated}, the actions have {due:.6g}")
-    lines += _less_over_walls(document, all_actions)
+    stated = metrics.get("travel_over_walls_mm")
+    # of the whole file, which has more moves than the plan; of a kept source of its own travels
+    if stated is not None and len(all_actions) == 1 and not metrics.get("kept_source"):
+        due = over_walls_mm(document.contours, all_actions[0])
+        if not _is_number(stated) or not stated >= due * (1.0 - WALLS_SHARE) - WALLS_MM:
+            text = f"travel_over_walls_mm is stated as {stated}, the travels have {due:.6g}"
+            lines.append(text)
     return listed(FaultKind.TIMES, lines)
 
 
-def _less_over_walls(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[str]:
-    """Return a line where one head's file is said to travel less over walls than its plan does.
-
-    What is stated is the whole file's, which has more moves than the plan; that of a source that
-    was kept is of its own travels.
-    """
-    stated = document.metrics.get("travel_over_walls_mm")
-    if stated is None or len(all_actions) != 1 or document.metrics.get("kept_source"):
-        return []
-    due = over_walls_mm(document.contours, all_actions[0])
-    least = due * (1.0 - WALLS_SHARE) - WALLS_MM
-    if not isinstance(stated, bool) and isinstance(stated, int | float) and stated >= least:
-        return []
-    return [f"travel_over_walls_mm is stated as {stated}, the travels have {due:.6g}"]
+def _is_number(stated: object) -> TypeGuard[float]:
+    return isinstance(stated, int | float) and not isinstance(stated, bool)
 
 
 def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> dict[str, float]:
@@ -149,13 +151,6 @@ def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> di
         "contours": prints, "emitted_travel_mm": moved, "extrusionless_travel_mm": bare,
         "cross_head_waits": edges,
     }  # fmt: skip
-
-
-def _alike(stated: object, due: float) -> bool:
-    if isinstance(stated, bool) or not isinstance(stated, int | float):
-        return False
-    within = TIME_TOLERANCE_S + 1e-6 * abs(due)
-    return due - within <= stated <= due + within  # compared, not subtracted: an int may be huge
 
 
 def _passed(contours: Contours, all_actions: tuple[HeadActions, ...], edge: After) -> float:
@@ -192,7 +187,8 @@ def check_signals(document: PlanDocument, all_actions: tuple[HeadActions, ...]) 
     lines = []
     for h, actions in enumerate(all_actions):
         clocks: dict[int, Floats] = {}
-        places = sorted(_asked(all_actions, h))
+        asked = (column.tolist() for column in _awaited(all_actions, h))
+        places = sorted(set(zip(*asked, strict=True)))
         for action, _ in places:
             if action not in clocks:
                 clocks[action] = _clock(document, actions, action)
@@ -204,21 +200,6 @@ def check_signals(document: PlanDocument, all_actions: tuple[HeadActions, ...]) 
                     f"{p} of action {k}; the controller tells {interval_s:g} s apart"
                 )
     return listed(FaultKind.TIMES, lines)
-
-
-def _asked(all_actions: tuple[HeadActions, ...], head: int) -> set[tuple[int, int]]:
-    """Return action and point, an end as the last point, of all that others wait for of a head."""
-    sizes = np.diff(all_actions[head].path_offsets)
-    found = set()
-    for h, actions in enumerate(all_actions):
-        if h == head:
-            continue
-        mine = actions.after_head == head
-        action, point = actions.after_action[mine], actions.after_point[mine]
-        last = sizes[action] - 1
-        point = np.where(point == ACTION_END, last, point)
-        found |= set(zip(action.tolist(), point.tolist(), strict=True))
-    return found
 
 
 def _clock(document: PlanDocument, actions: HeadActions, action: int) -> Floats:

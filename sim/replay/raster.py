@@ -178,17 +178,17 @@ def sweep_meets(sweep: Any, bead: Floats, more: float) -> bool:
 
 
 @compiled
-def box_of(polygon: Floats, move: Floats) -> tuple[float, float, float, float]:
-    """Return x and y range of a polygon swept along a move."""
+def box_of(polygon: Floats, move: Floats, more: float) -> tuple[float, float, float, float]:
+    """Return x and y range of a polygon swept along a move, `more` wider on every side."""
     x0, x1, y0, y1 = np.inf, -np.inf, np.inf, -np.inf
     for v in range(len(polygon)):
         x0, x1 = min(x0, polygon[v, 0]), max(x1, polygon[v, 0])
         y0, y1 = min(y0, polygon[v, 1]), max(y1, polygon[v, 1])
     return (
-        x0 + min(move[0], move[3]),
-        x1 + max(move[0], move[3]),
-        y0 + min(move[1], move[4]),
-        y1 + max(move[1], move[4]),
+        x0 + min(move[0], move[3]) - more,
+        x1 + max(move[0], move[3]) + more,
+        y0 + min(move[1], move[4]) - more,
+        y1 + max(move[1], move[4]) + more,
     )
 
 
@@ -211,14 +211,6 @@ def lowest_asked(moves: Floats, upto: Ints, tops: Floats, least: float) -> Float
     for m in range(len(moves) - 2, -1, -1):
         lowest[m] = min(lowest[m], lowest[m + 1])
     return lowest
-
-
-@compiled
-def widened(
-    box: tuple[float, float, float, float], more: float
-) -> tuple[float, float, float, float]:
-    """Return a box that reaches `more` further on every side."""
-    return box[0] - more, box[1] + more, box[2] - more, box[3] + more
 
 
 @compiled
@@ -325,7 +317,7 @@ def scan(
             if highest <= level:
                 continue
             polygon = xy[offsets[k] : offsets[k + 1]]
-            box = widened(box_of(polygon, moves[m]), margin_of(near, m))
+            box = box_of(polygon, moves[m], margin_of(near, m))
             if not coarse_hit(box, level, grid, coarse):
                 continue
             count = sweep_planes(polygon, moves[m], planes)

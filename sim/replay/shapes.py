@@ -71,22 +71,18 @@ class Part:
 
     def vertices(self) -> Vertices:
         """Return its corners."""
-        return prism_vertices(self.polygon, self.low, self.high)
+        n = len(self.polygon)
+        ends = [np.column_stack([self.polygon, np.full(n, z)]) for z in (self.low, self.high)]
+        return np.concatenate(ends)
 
 
 def parts_of(head: Head) -> list[Part]:
     """Return the convex parts of a head: every slice polygon and every body."""
-    parts = [
-        Part(
-            f"slice at {s.height_mm:g} mm",
-            np.array(polygon, np.float64),
-            s.height_mm,
-            HEAD_TOP_MM,
-            slice=True,
-        )
-        for s in head.slices
-        for polygon in s.polygons
-    ]
+    parts = []
+    for piece in head.slices:
+        for polygon in piece.polygons:
+            name, corners = f"slice at {piece.height_mm:g} mm", np.array(polygon, np.float64)
+            parts.append(Part(name, corners, piece.height_mm, HEAD_TOP_MM, slice=True))
     for body in head.bodies:
         (x, y, _), (to_x, to_y, _) = body.minimum, body.maximum
         corners = np.array([[x, y], [to_x, y], [to_x, to_y], [x, to_y]], np.float64)
@@ -109,11 +105,9 @@ HEAD_TOP_MM = 500.0  # a head's slices fill space from their height up to here
 Vertices = Floats  # (k, 3)
 
 
-def prism_vertices(polygon: Floats, low: float, high: float) -> Vertices:
-    """Return the corners of a convex polygon extruded from `low` to `high`."""
-    flat = np.asarray(polygon, np.float64)
-    rows = [np.column_stack([flat, np.full(len(flat), z)]) for z in (low, high)]
-    return np.concatenate(rows)
+def bounds_of(shape: Vertices) -> Floats:
+    """Return least and most x, y and z of a shape, (2, 3)."""
+    return np.stack([shape.min(axis=0), shape.max(axis=0)])
 
 
 def swept_vertices(shape: Vertices, start: Floats, end: Floats) -> Vertices:
@@ -136,7 +130,10 @@ class Solid:
         points = vertices[hull.vertices]
         number = np.full(len(vertices), -1)
         number[hull.vertices] = np.arange(len(hull.vertices))
-        faces = _outward(points, number[hull.simplices])
+        faces = number[hull.simplices]
+        a, b, c = (points[faces[:, i]] for i in range(3))
+        inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - points.mean(axis=0)) < 0
+        faces[inward] = faces[inward][:, [0, 2, 1]]  # counter-clockwise seen from outside
         rows = np.column_stack([np.full(len(faces), 3), faces]).ravel()
         shape = fcl.Convex(np.ascontiguousarray(points), len(faces), rows)
         self._body: Any = fcl.CollisionObject(shape, fcl.Transform())
@@ -152,11 +149,3 @@ class Solid:
             return 0.0
         gap = fcl.distance(self._body, other._body, fcl.DistanceRequest(), fcl.DistanceResult())
         return max(0.0, float(gap))
-
-
-def _outward(points: Vertices, faces: Ints) -> Ints:
-    """Return the triangles with their corners counter-clockwise seen from outside."""
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
-    inward = np.einsum("ij,ij->i", normal, a - points.mean(axis=0)) < 0
-    return np.where(inward[:, None], faces[:, [0, 2, 1]], faces)

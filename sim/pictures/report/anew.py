@@ -15,9 +15,9 @@ from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
 from decmcts.print.print_events import EventLog
 from decmcts.print.print_state import happened
-from sim.arrays import Flags, Floats, Ints
+from sim.arrays import Flags, Ints
 from sim.pictures.report.blobs import Blobs
-from sim.pictures.report.toolpaths import STEP_S
+from sim.pictures.report.toolpaths import times_of
 
 SAME_MM = 3e-3  # both files round
 NOBODY = -1
@@ -41,7 +41,9 @@ def changes_by(plans: Sequence[Anew], blobs: Blobs) -> list[dict[str, Any]]:
     for old, new in pairwise(plans):
         old_end_s = begin_s + old.document.plan.makespan_s
         begin_s = min(event.time_s for event in new.log.events)
-        left = _left(old)
+        left = np.ones(len(old.document.contours), np.bool_)  # what it left unprinted
+        for actions in happened(old.document, old.log).plan.heads:
+            left[_printed(actions)] = False
         carried = happened(new.document, new.log).plan
         found.append(
             {
@@ -52,18 +54,18 @@ def changes_by(plans: Sequence[Anew], blobs: Blobs) -> list[dict[str, Any]]:
                 "left": int(left.sum()),
                 "heads": _of_heads(old.document.plan, new.document.plan, left),
                 "moved": _moved(old.document, new.document, left),
-                "rows": [_row(actions, blobs) for actions in carried.heads],
+                "rows": [
+                    {
+                        "name": actions.head,
+                        "n": len(actions),
+                        "kind": blobs.add(actions.kind),
+                        **times_of(actions, blobs),
+                    }
+                    for actions in carried.heads
+                ],
             }
         )
     return found
-
-
-def _left(old: Anew) -> Flags:
-    """Tell which beads of a plan it left unprinted, (n,)."""
-    left = np.ones(len(old.document.contours), np.bool_)
-    for actions in happened(old.document, old.log).plan.heads:
-        left[actions.contour[actions.kind == ActionKind.PRINT]] = False
-    return left
 
 
 def _of_heads(old: JointPlan, new: JointPlan, left: Flags) -> list[dict[str, Any]]:
@@ -119,21 +121,9 @@ def _old_of(old: Contours, new: Contours, left: Flags) -> Ints:
     whole, first, back = np.unique(new.sources, return_index=True, return_inverse=True)
     last = np.append(first[1:], len(new)) - 1
     of_whole = np.full(len(whole), NOBODY, np.int64)
-    for k, (a, b) in enumerate(zip(new.start[first], new.end[last], strict=True)):
-        of_whole[k] = _shared(tree, owner[rows], a, b)
+    for k, ends in enumerate(zip(new.start[first], new.end[last], strict=True)):
+        at_begin, at_end = (
+            set(owner[rows[tree.query_ball_point(place, SAME_MM)]].tolist()) for place in ends
+        )
+        of_whole[k] = min(at_begin & at_end or at_end or at_begin, default=NOBODY)
     return np.asarray(of_whole[back.ravel()])
-
-
-def _shared(tree: Any, owner: Ints, begin: Floats, end: Floats) -> int:
-    """Return the contour both places are points of, else the end, else the begin is; or NOBODY."""
-    at = [set(owner[tree.query_ball_point(place, SAME_MM)].tolist()) for place in (begin, end)]
-    return min(at[0] & at[1] or at[1] or at[0], default=NOBODY)
-
-
-def _row(actions: HeadActions, blobs: Blobs) -> dict[str, Any]:
-    begin, end = np.rint(actions.begin_s / STEP_S), np.rint(actions.end_s / STEP_S)
-    return {
-        "name": actions.head, "n": len(actions), "kind": blobs.add(actions.kind),
-        "idle": blobs.add(begin - np.concatenate([[0.0], end[:-1]])),
-        "lasts": blobs.add(end - begin),
-    }  # fmt: skip

@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.arrays import Ints
+from sim.arrays import Floats, Ints
 
+STEP_MM = 0.01  # of places in the page
+STEP_S = 0.001
 _TYPES = (np.int8, np.int16, np.int32)
 LEVEL = 9  # of zlib
 
@@ -27,7 +29,6 @@ class Blobs:
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
-        self._at = 0
 
     def add(
         self, values: NDArray[Any], *, step: float = 1.0, delta: bool = False
@@ -43,15 +44,18 @@ class Blobs:
         if delta:
             whole = np.diff(whole, prepend=0)
         kind = _narrowest(whole)
-        raw = whole.astype(kind).astype(kind.newbyteorder("<"))
+        raw = whole.astype(kind.newbyteorder("<"))
         by_weight = raw.view(np.uint8).reshape(len(raw), kind.itemsize).T.tobytes()
-        place = {
-            "at": self._at, "n": len(raw), "type": f"i{8 * kind.itemsize}", "delta": delta,
-            "scale": step,
-        }  # fmt: skip
+        at = sum(map(len, self._parts))
         self._parts.append(by_weight)
-        self._at += len(by_weight)
-        return place
+        return {
+            "at": at, "n": len(raw), "type": f"i{8 * kind.itemsize}", "delta": delta, "scale": step,
+        }  # fmt: skip
+
+    def places(self, points: Floats) -> dict[str, Any]:
+        """Keep points, (n, 3) mm, as three arrays."""
+        columns = zip("xyz", points.T, strict=True)
+        return {name: self.add(column, step=STEP_MM, delta=True) for name, column in columns}
 
     def packed(self, page: dict[str, Any]) -> str:
         """Return the JSON and the arrays that belong to it as base64 of one zlib stream."""

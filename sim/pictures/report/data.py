@@ -1,9 +1,4 @@
-"""All that the report's page is told, as JSON and arrays; docs/report.md has its keys.
-
-Where a plan saves travel: by layer, and by the length of travels.
-
-What differs between two plans of one print, action by action, and where they cross walls.
-"""
+"""All that the report's page is told, as JSON and arrays; docs/report.md has its keys."""
 
 from __future__ import annotations
 
@@ -18,12 +13,12 @@ from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.heads.head_dict import head_to_dict
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Machine
+from decmcts.print.cut import weld_ages
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.team.schedule.metrics import path_lengths
 from decmcts.version import __version__
-from sim.arrays import Flags, Floats, Ints
+from sim.arrays import Floats, Ints
 from sim.content.over_walls import crossed_by
 from sim.pictures.layer_travels import (
     both_ends,
@@ -34,8 +29,7 @@ from sim.pictures.layer_travels import (
     travels_of,
 )
 from sim.pictures.report.anew import changes_by
-from sim.pictures.report.blobs import Blobs
-from sim.pictures.report.cuts import cuts_of_page
+from sim.pictures.report.blobs import STEP_S, Blobs
 from sim.pictures.report.facts import CarriedOut, ReportDetails, facts_of
 from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
 from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
@@ -56,29 +50,27 @@ def page_data(
     history : rows of seconds, ..., cost: the search's best so far
     details : what else is known
     """
-    blobs = Blobs()
-    drawn = contours_of(after.contours, blobs)
-    flags = flags_of(before, after)
+    blobs, machine = Blobs(), after.machine
+    contours, thinned, rows = contours_of(after.contours, blobs)
     several = len(after.plan.heads) > 1
     waits = waits_of(after, details.graph)
     path = critical_path(after) if several else []
     labels = ("planned", "happened")
     if details.run is None:
         labels = (compared_order(before.metrics), "after")
+    plans = zip((before, after), flags_of(before, after), labels, strict=True)
     page = {
         "title": details.file or after.machine.name,
         "file": details.file or None,
         "made_with": f"decmcts {__version__}",
-        "machine": _machine(after.machine),
+        "machine": {
+            "name": machine.name, "bed_min": list(machine.bed_min),
+            "bed_max": list(machine.bed_max), "heads": list(map(head_to_dict, machine.heads)),
+        },
         "roles": list(ROLES),
-        "contours": {**drawn.contours, **_clusters(details.graph, blobs)},
-        "thinned": drawn.thinned,
-        "plans": [
-            plan_of(document, drawn, each, label, blobs)
-            for document, each, label in (
-                (before, flags[0], labels[0]), (after, flags[1], labels[1]),
-            )
-        ],
+        "contours": {**contours, **_clusters(details.graph, blobs)},
+        "thinned": thinned,
+        "plans": [plan_of(document, rows, flags, label, blobs) for document, flags, label in plans],
         "facts": facts_of(before, after, details),
         "waits": [_wait(wait) for wait in waits],
         "wait_sums": sums_of(waits),
@@ -90,7 +82,7 @@ def page_data(
         "team": _team(after),
         "saving": saving_of(before, after),
         "graph": _graph(details.graph, blobs),
-        "cuts": cuts_of_page(after, blobs),
+        "cuts": _cuts(after, blobs),
         "after": _after(after if details.run is None else before, blobs) if several else None,
         "notes": list(details.notes),
         "run": None if details.run is None else _run(details.run, blobs),
@@ -135,20 +127,9 @@ def _clusters(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any]:
     return {"cluster": blobs.add(cluster_contours(graph))}
 
 
-def _machine(machine: Machine) -> dict[str, Any]:
-    return {
-        "name": machine.name,
-        "bed_min": list(machine.bed_min),
-        "bed_max": list(machine.bed_max),
-        "heads": [head_to_dict(head) for head in machine.heads],
-    }
-
-
 def _wait(wait: Wait) -> dict[str, Any]:
-    row = asdict(wait)
-    return {
-        key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()
-    }
+    times = {name: round(getattr(wait, name), 3) for name in ("begin_s", "end_s", "lag_s")}
+    return {**asdict(wait), **times}
 
 
 def _history(after: PlanDocument, history: History) -> dict[str, Any]:
@@ -204,6 +185,26 @@ def _graph(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any] | None
     }
 
 
+def _cuts(after: PlanDocument, blobs: Blobs) -> dict[str, Any] | None:
+    """Return the cuts of a plan, by contour and along it; None where nothing is cut.
+
+    `before` and `after` are the pieces that meet at each cut, `age` the seconds between the
+    printing of its two ends.
+    """
+    pieces = after.contours
+    if pieces.of is None:
+        return None
+    age, cuts = weld_ages(pieces, after.plan)
+    owner = np.repeat(np.arange(len(pieces)), np.diff(pieces.offsets))
+    return {
+        "of": blobs.add(pieces.of, delta=True),
+        "before": blobs.add(owner[cuts.before], delta=True),
+        "after": blobs.add(owner[cuts.after], delta=True),
+        **blobs.places(pieces.points[cuts.before]),
+        "age": blobs.add(age, step=STEP_S),
+    }
+
+
 EDGES_MM = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)  # and above
 
 
@@ -219,7 +220,7 @@ def saving_of(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:
         mm = np.zeros(layers)
         mm[numbers] = made
         of_layers[name] = np.round(mm, 1).tolist()
-        mm = np.concatenate([np.zeros(0), *map(travel_lengths, document.plan.heads)])
+        mm = np.concatenate(list(map(travel_lengths, document.plan.heads)))
         by_length[name] = np.histogram(mm, edges)[0].tolist()
         by_length[f"{name}_mm"] = np.round(np.histogram(mm, edges, weights=mm)[0], 1).tolist()
     most = int(numbers[most_changed(*each)]) if len(numbers) else 0
@@ -236,7 +237,6 @@ OVER_WALL = np.uint8(2)  # a travel that crosses an outer wall
 MOVED = np.uint8(4)  # a contour printed by another head, or much earlier or later in the order
 CROSSED = np.uint8(8)  # an outer wall that a travel of this plan crosses
 MUCH = 0.01  # of the order, by which a contour has moved
-NOWHERE = np.zeros((0, 6), np.int64)  # both ends of no travel
 
 OfHeads = tuple[NDArray[np.uint8], ...]  # flags of the actions of each head
 
@@ -245,39 +245,34 @@ def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[OfHeads, OfHead
     """Return for each head of both plans the flags of its actions, (k,) each."""
     plans = [document.plan.heads for document in (before, after)]
     found = [[np.zeros(len(actions), np.uint8) for actions in plan] for plan in plans]
-    moved = moved_contours(before, after)
+    (was, place_was), (now, place_now) = (_places(each) for each in (before, after))
+    moved = (was != now) | (np.abs(place_was - place_now) > MUCH)
     ends = [[_travels(actions) for actions in plan] for plan in plans]
-    for k in (0, 1):
-        others = np.concatenate([NOWHERE, *(there for _, there in ends[1 - k])])
-        for flags, (rows, mine) in zip(found[k], ends[k], strict=True):
-            flags[rows[in_no_place_of(mine, others)]] |= OTHER
-        over, walls = over_walls(before.contours, plans[k])
+    for k, plan in enumerate(plans):
+        others = np.concatenate([there for _, there in ends[1 - k]])
+        over, walls = over_walls(before.contours, plan)
         of_contours = moved * MOVED
         of_contours[walls] |= CROSSED
-        for flags, rows, actions in zip(found[k], over, plans[k], strict=True):
-            flags[rows] |= OVER_WALL
+        for flags, (rows, mine), crossing, actions in zip(
+            found[k], ends[k], over, plan, strict=True
+        ):
+            flags[rows[in_no_place_of(mine, others)]] |= OTHER
+            flags[crossing] |= OVER_WALL
             printing = actions.kind == ActionKind.PRINT
             flags[printing] |= of_contours[actions.contour[printing]]
     return tuple(found[0]), tuple(found[1])
 
 
 def _travels(actions: HeadActions) -> tuple[Ints, Ints]:
-    """Return the actions that travel, (k,), and where both ends of each are, (k, 6)."""
+    """Return the actions that travel, (k,), and where both ends of each are, (k, 2)."""
     rows = np.flatnonzero((actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK))
     first, last = actions.path_offsets[rows], actions.path_offsets[rows + 1] - 1
     return rows, both_ends(actions, first, last)
 
 
-def moved_contours(before: PlanDocument, after: PlanDocument) -> Flags:
-    """Tell which contours are printed by another head, or much earlier or later, (n,)."""
-    n = len(before.contours)
-    places = [_places(document, n) for document in (before, after)]
-    (head_was, place_was), (head_now, place_now) = places
-    return np.asarray((head_was != head_now) | (np.abs(place_was - place_now) > MUCH))
-
-
-def _places(document: PlanDocument, n: int) -> tuple[Ints, Floats]:
+def _places(document: PlanDocument) -> tuple[Ints, Floats]:
     """Return the head that prints each contour, and its place in the order of all, 0 to 1."""
+    n = len(document.contours)
     head, begin = np.zeros(n, np.int64), np.zeros(n)
     for index, actions in enumerate(document.plan.heads):
         printing = actions.kind == ActionKind.PRINT

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.cut import cut_metrics, weld_ages
 from decmcts.print.figures import MAKERS, idle_line
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.faults import Verdict
 from sim.pictures.report.anew import Anew
-from sim.pictures.report.cuts import cut_facts
 from sim.pictures.report.waits import aside_s
 from sim.verdict_lines import sentences
 
@@ -72,10 +72,20 @@ def facts_of(before: PlanDocument, after: PlanDocument, details: ReportDetails) 
         "judged": details.verdict is not None,
         "checked": [[one.about, one.text, one.where] for one in stated],
         "time": _time(before, after),
-        "rows": [row for row in (_row(*named, was, now) for named in MAKERS.items()) if row],
+        "rows": [
+            {
+                "key": key,
+                "label": label,
+                "unit": "mm" if key.endswith("_mm") else "",
+                "before": was.get(key),
+                "after": now.get(key),
+            }
+            for key, label in MAKERS.items()
+            if isinstance(was.get(key), int | float) and isinstance(now.get(key), int | float)
+        ],
         "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
         "speed_up": _speed_up(after),
-        "cut": cut_facts(after if details.run is None else before),
+        "cut": _cut(after if details.run is None else before),
         "proof": _proof(now),
         "waits_s": float(now.get("waits_s") or 0.0),
         "idle": idle_line(now if details.run is None else was),
@@ -101,14 +111,6 @@ def _time(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:
     return {
         "before_s": before.plan.makespan_s, "after_s": after.plan.makespan_s, "of": "plan",
     }  # fmt: skip
-
-
-def _row(key: str, label: str, was: Metrics, now: Metrics) -> dict[str, Any] | None:
-    first, then = was.get(key), now.get(key)
-    if not isinstance(first, int | float) or not isinstance(then, int | float):
-        return None
-    unit = "mm" if key.endswith("_mm") else ""
-    return {"key": key, "label": label, "unit": unit, "before": first, "after": then}
 
 
 def _head(actions: HeadActions, end_s: float) -> dict[str, Any]:
@@ -151,3 +153,13 @@ def _proof(now: Metrics) -> dict[str, Any] | None:
             value = now.get("travel_s" if unit == "s" else "extrusionless_travel_mm")
             return {"unit": unit, "value": value, "bound": float(bound), "gap_percent": gap}
     return None
+
+
+def _cut(after: PlanDocument) -> dict[str, Any] | None:
+    """Return the figures of a plan's cuts, with how many are in what; None: nothing is cut."""
+    pieces = after.contours
+    if pieces.of is None:
+        return None
+    age, _ = weld_ages(pieces, after.plan)
+    named = [[role.replace("_", " "), n] for role, n in cut_metrics(pieces)["roles"].items()]
+    return {**after.metrics.get("cut", {}), "roles": named, "in_one_go": int((age == 0.0).sum())}

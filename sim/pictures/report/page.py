@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -72,15 +71,10 @@ def write_run_report(
 
     Parameters
     ----------
-    path : file to write
-    document : the plan that was carried out
-    log : what happened
+    document, log : the plan that was carried out, and what happened
     file : name of the source
-    contacts : how often heads touched
-    in_the_end : beads that were printed in all, where the rest was planned anew
-    on_print : contacts of heads with the print, in words
-    anew : the plans that took its place, in turn, of which heads began some action
-    missing : what of them is not finished, or is printed with another tool, in words
+    contacts, in_the_end, on_print, missing : as in `CarriedOut`
+    anew : the plans that took its place, in turn; one of which nothing was begun does not count
     """
     after = happened(document, log)
     printed = sum(int((head.kind == ActionKind.PRINT).sum()) for head in after.plan.heads)
@@ -89,9 +83,10 @@ def write_run_report(
         for event in log.events
         if event.kind is EventKind.FAILED
     ]
-    run = CarriedOut(printed, len(document.contours), failed, contacts, in_the_end, on_print)
     plans = [Anew(document, log), *(each for each in anew if each.log.events)]
-    run = replace(run, plans=plans, missing=missing)
+    run = CarriedOut(
+        printed, len(document.contours), failed, contacts, in_the_end, on_print, plans, missing
+    )
     write_report(path, before=document, after=after, details=ReportDetails(file=file, run=run))
 
 

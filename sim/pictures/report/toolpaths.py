@@ -6,7 +6,6 @@ not follow from the contours before and behind it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,48 +14,43 @@ from numpy.typing import NDArray
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.arrays import Flags, Floats, Ints
-from sim.pictures.report.blobs import Blobs
+from sim.pictures.report.blobs import STEP_MM, STEP_S, Blobs
 
-STEP_MM = 0.01  # of places in the page
-STEP_S = 0.001
 MOST_POINTS = 1_000_000  # of contours; with more, points that lie nearly on a line are left out
 TOLERANCE_MM = 0.02
 
 ROLES = tuple(role.name.lower().replace("_", " ") for role in Role)
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """The contours as the page has them."""
+def contours_of(
+    contours: Contours, blobs: Blobs
+) -> tuple[dict[str, Any], dict[str, Any] | None, Ints]:
+    """Return the contours for the page; of more than `MOST_POINTS` only essential ones.
 
-    contours: dict[str, Any]
-    thinned: dict[str, Any] | None  # how many points of how many are there; None: all
-    rows: Ints  # (n_points + 1,) how many points before each are there
-
-
-def contours_of(contours: Contours, blobs: Blobs) -> Drawn:
-    """Return the contours for the page; of more than `MOST_POINTS` only essential ones."""
+    Returns
+    -------
+    contours : for the page
+    thinned : how many points of how many are there; None: all
+    rows : (n_points + 1,) how many points before each are there
+    """
     points, offsets, thinned = contours.points, contours.offsets, None
     rows = np.arange(len(points) + 1)
     if len(points) > MOST_POINTS:
         kept = essential(points, offsets, TOLERANCE_MM)
         rows = np.concatenate([[0], np.cumsum(kept)])
         offsets = rows[offsets]
-        thinned = {
-            "points": int(kept.sum()), "of": len(points), "tolerance_mm": TOLERANCE_MM,
-        }  # fmt: skip
+        thinned = {"points": int(kept.sum()), "of": len(points), "tolerance_mm": TOLERANCE_MM}
         points = points[kept]
-    x, y, z = (blobs.add(points[:, k], step=STEP_MM, delta=True) for k in range(3))
-    columns = {
-        name: blobs.add(getattr(contours, name), delta=name == "line")
-        for name in ("role", "layer", "tool", "line", "closed")
-    }
-    sizes = {name: blobs.add(getattr(contours, name), step=STEP_MM) for name in ("width", "height")}
     found = {
-        "n": len(contours), "sizes": blobs.add(np.diff(offsets)), "x": x, "y": y, "z": z,
-        **columns, **sizes,
-    }  # fmt: skip
-    return Drawn(found, thinned, rows)
+        "n": len(contours),
+        "sizes": blobs.add(np.diff(offsets)),
+        **blobs.places(points),
+    }
+    for name in ("role", "layer", "tool", "line", "closed"):
+        found[name] = blobs.add(getattr(contours, name), delta=name == "line")
+    for name in ("width", "height"):
+        found[name] = blobs.add(getattr(contours, name), step=STEP_MM)
+    return found, thinned, rows
 
 
 def essential(points: Floats, offsets: Ints, tolerance_mm: float) -> Flags:
@@ -83,35 +77,22 @@ def essential(points: Floats, offsets: Ints, tolerance_mm: float) -> Flags:
 
 
 def plan_of(
-    document: PlanDocument,
-    drawn: Drawn,
-    flags: tuple[NDArray[np.uint8], ...],
-    label: str,
+    document: PlanDocument, rows: Ints, flags: tuple[NDArray[np.uint8], ...], label: str,
     blobs: Blobs,
-) -> dict[str, Any]:
-    """Return one plan for the page; `flags` as in `sim.pictures.report.data`."""
+) -> dict[str, Any]:  # fmt: skip
+    """Return one plan for the page; `rows` as `contours_of`, `flags` as `flags_of` has them."""
     heads = [
-        _head(document.contours, actions, _entries(document.contours, actions, drawn), flag, blobs)
+        _head(document.contours, actions, rows, flag, blobs)
         for actions, flag in zip(document.plan.heads, flags, strict=True)
     ]
     return {"label": label, "end_s": document.plan.makespan_s, "heads": heads}
 
 
-def _entries(contours: Contours, actions: HeadActions, drawn: Drawn) -> Ints:
-    """Return the vertex each action enters its contour at, as the page numbers vertices."""
-    first = contours.offsets[np.maximum(actions.contour, 0)]
-    return np.asarray(drawn.rows[first + actions.entry] - drawn.rows[first])
-
-
 def _head(
-    contours: Contours, actions: HeadActions, entry: Ints, flags: NDArray[np.uint8],
-    blobs: Blobs,
-) -> dict[str, Any]:  # fmt: skip
+    contours: Contours, actions: HeadActions, rows: Ints, flags: NDArray[np.uint8], blobs: Blobs
+) -> dict[str, Any]:
     owner, kept, known = _kept(contours, actions)
-    x, y, z = (blobs.add(actions.path[kept, k], step=STEP_MM, delta=True) for k in range(3))
-    begin = np.rint(actions.begin_s / STEP_S)
-    end = np.rint(actions.end_s / STEP_S)
-    behind = np.concatenate([[0.0], end[:-1]])
+    first = contours.offsets[np.maximum(actions.contour, 0)]
     return {
         "name": actions.head,
         "n": len(actions),
@@ -119,14 +100,20 @@ def _head(
         "kind": blobs.add(actions.kind),
         "contour": blobs.add(actions.contour, delta=True),
         "reversed": blobs.add(actions.reversed),
-        "entry": blobs.add(entry),
-        "idle": blobs.add(begin - behind),  # before each action
-        "lasts": blobs.add(end - begin),
+        "entry": blobs.add(rows[first + actions.entry] - rows[first]),  # as the page numbers points
+        **times_of(actions, blobs),
         "flags": blobs.add(flags),
         "kept": blobs.add(np.bincount(owner[kept], minlength=len(actions))),
         "known": blobs.add(known),
-        "x": x, "y": y, "z": z,
-    }  # fmt: skip
+        **blobs.places(actions.path[kept]),
+    }
+
+
+def times_of(actions: HeadActions, blobs: Blobs) -> dict[str, Any]:
+    """Return how long a head does nothing before each action, and how long each lasts."""
+    begin, end = np.rint(actions.begin_s / STEP_S), np.rint(actions.end_s / STEP_S)
+    idle = begin - np.concatenate([[0.0], end[:-1]])
+    return {"idle": blobs.add(idle), "lasts": blobs.add(end - begin)}
 
 
 def _kept(contours: Contours, actions: HeadActions) -> tuple[Ints, Flags, Ints]:

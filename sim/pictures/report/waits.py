@@ -92,9 +92,9 @@ def _explained(
     if last is None:
         return Wait(head, begin, end, "cooling" if len(heads) == 1 else "signal", k)
     other, action, lag = last
-    if lag >= COOLING_S and lag >= end - begin - SHORT_S:
-        return Wait(head, begin, end, "cooling", k, other, action, lag)
-    cause = _rule(heads[other], action, _next_contour(actions, k), rules)
+    cause = "cooling"
+    if lag < COOLING_S or lag < end - begin - SHORT_S:
+        cause = _rule(heads[other], action, actions, k, rules)
     return Wait(head, begin, end, cause, k, other, action, lag)
 
 
@@ -122,18 +122,15 @@ def passed_s(actions: HeadActions, action: int, point: int) -> float:
     return begin + (end - begin) * float(steps[:point].sum()) / max(float(steps.sum()), 1e-9)
 
 
-def _next_contour(actions: HeadActions, k: int) -> int:
-    """Return what the head prints next, from action k on; -1: nothing."""
-    for action in range(k, min(k + 8, len(actions))):
-        if actions.kind[action] == ActionKind.PRINT:
-            return int(actions.contour[action])
-    return -1
-
-
-def _rule(other: HeadActions, action: int, target: int, rules: DependencyGraph) -> str:
-    if other.kind[action] != ActionKind.PRINT or target < 0:
+def _rule(
+    other: HeadActions, action: int, actions: HeadActions, k: int, rules: DependencyGraph
+) -> str:
+    """Return why an action of another head comes before what is printed next, from action k on."""
+    soon = k + np.flatnonzero(actions.kind[k : k + 8] == ActionKind.PRINT)
+    if other.kind[action] != ActionKind.PRINT or not len(soon):
         return "space"
-    return chain_cause(rules, int(other.contour[action]), target) or "space"
+    first, last = int(other.contour[action]), int(actions.contour[soon[0]])
+    return chain_cause(rules, first, last) or "space"
 
 
 def chain_cause(rules: DependencyGraph, first: int, last: int) -> str | None:

@@ -18,7 +18,7 @@ from sim.pictures import drawings as pictures
 from sim.pictures.canvas import TRAVEL
 from sim.pictures.charts import EXACT, activity, title_lines
 from sim.pictures.drawings import draw_plan, sheet_of
-from sim.pictures.layer_travels import layers_of, travels_of
+from sim.pictures.layer_travels import in_no_place_of, layers_of, travels_of
 from sim.pictures.layer_view import LayerView, changed_colour, draw_layer
 from sim.pictures.machine_picture import draw_machine
 
@@ -47,7 +47,7 @@ def drawn(document, other, layer, *, gone):
     axis = Figure().subplots()
     own, others = travels_of(document), travels_of(other)
     number = int(layers_of(document)[0][layer])
-    view = LayerView(document, own, own.in_no_place_of(others), number, layer)
+    view = LayerView(document, own, in_no_place_of(own.ends, others.ends), number, layer)
     draw_layer(axis, view, gone=gone, inch_a_mm=0.02)
     counts: dict[str, int] = {}
     for lines in axis.collections:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.replay.shapes import Solid, prism_vertices, swept_vertices
+from sim.replay.shapes import Part, Solid, swept_vertices
 
 
 def box_vertices(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -48,7 +48,7 @@ def test_standing_still_sweeps_the_shape_itself():
 def test_a_sweep_covers_every_position_on_the_way():
     """The swept hull of a skew prism contains the prism anywhere along the move."""
     rng = np.random.default_rng(1)
-    prism = prism_vertices(np.array([[0.0, 0], [9, 1], [4, 8]]), 2.0, 30.0)
+    prism = Part("", np.array([[0.0, 0], [9, 1], [4, 8]]), 2.0, 30.0).vertices()
     start, end = rng.normal(size=3) * 20, rng.normal(size=3) * 20
     sweep = Solid(swept_vertices(prism, start, end))
     for t in np.linspace(0, 1, 7):
