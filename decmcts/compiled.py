@@ -1,7 +1,8 @@
 """The decorators of kernels: compiled loops on bare numbers and arrays.
 
-Kernels stand beside what calls them, in files named `…_kernels.py`, which import each other and
-nothing else of the project. They trust what they are given; their callers validate.
+Kernels stand beside what calls them, in files named `…_kernels.py`, which import each other, the
+kinds of arrays, and nothing else of the project. They trust what they are given; their callers
+validate.
 `NUMBA_DISABLE_JIT=1` runs them as plain Python (one CI job does, for small cases).
 """
 

@@ -16,8 +16,8 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from decmcts.arrays import Floats
 from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
-from sim.arrays import Floats
 
 TOLERANCE = 1e-6  # bays, and times relative to the makespan where that is above 1
 

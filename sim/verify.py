@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
-from sim.arrays import Floats, Ints
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.paths import Legs, check_head, check_once, check_release, check_structure, legs_of
 from sim.content.pieces import check_welds, parted_source

@@ -20,13 +20,13 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.launching.places import Places
 from agents.launching.processes import PIPED, AgentLine, AgentProcess
 from agents.launching.status import AgentStatus, LaunchError, OnProgress
 from agents.launching.supervisor import Supervisor
 from agents.networks.meeting import Meeting
+from decmcts.arrays import Int32s
 from decmcts.search.sequence.stopping import Stopping
 
 EXTRUDER = (sys.executable, "-P", "-m", "agents.extruder")
@@ -95,7 +95,7 @@ SECRET_BYTES = 32
 class Agreement:
     """The plan the agents released, and how they came to it."""
 
-    plans: Mapping[int, NDArray[np.int32]]  # head -> its plan
+    plans: Mapping[int, Int32s]  # head -> its plan
     makespan_s: float
     digest: str
     live: tuple[int, ...]  # heads the plan uses

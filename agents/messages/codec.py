@@ -16,7 +16,6 @@ from typing import Any, TypeVar
 
 import msgpack
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.messages.kinds import (
     MAX_HEADS,
@@ -38,6 +37,7 @@ from agents.messages.kinds import (
     Sequence32,
 )
 from agents.messages.rows import PLAIN, array, fields_of, integer, text, unpacker
+from decmcts.arrays import Floats
 
 MAX_MESSAGE_BYTES = 256 * 1024  # nothing larger is sent or unpacked; zenoh drops it even earlier
 
@@ -62,7 +62,7 @@ KINDS: dict[type[Message], str] = {
 }
 _LIMITS = {"joint": MAX_JOINT_BYTES}  # the others: MAX_MESSAGE_BYTES
 _MESSAGES = {word: kind for kind, word in KINDS.items()}
-_SEQUENCES, _PROBABILITIES = tuple[Sequence32, ...], NDArray[np.float64]
+_SEQUENCES, _PROBABILITIES = tuple[Sequence32, ...], Floats
 M = TypeVar("M")
 
 
@@ -193,7 +193,7 @@ def _read(kind: type[M], row: object, most: int) -> M:
     return kind(*map(field_of, kinds))
 
 
-def _read_probabilities(packed: object) -> NDArray[np.float64]:
+def _read_probabilities(packed: object) -> Floats:
     if not isinstance(packed, bytes) or len(packed) % 4 or len(packed) > 4 * MAX_SEQUENCES:
         raise MessageError("probabilities are no float32 row")
     row = np.frombuffer(packed, "<f4").astype(np.float64)

@@ -14,7 +14,8 @@ from enum import IntEnum
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+
+from decmcts.arrays import Floats, Int32s
 
 VERSION = 4  # of the messages and their meaning; another version is refused by name
 SILENCE_TICKS = 150  # own ticks after which a peer that promised nothing else counts as stuck: 15 s
@@ -26,7 +27,7 @@ MAX_SILENCE_TICKS = 6000
 DIGEST_LENGTHS = range(8, 129)
 SHOWN = 12  # characters of a digest that are shown
 
-Sequence32 = NDArray[np.int32]  # (k,) a plan of one head, see decmcts.team.engine.plans
+Sequence32 = Int32s  # (k,) a plan of one head, see decmcts.team.engine.plans
 Plans = Mapping[int, Sequence32]  # head index -> its plan
 
 
@@ -74,7 +75,7 @@ class Distribution:
     """The sender's plan distribution: candidate sequences and their probabilities."""
 
     sequences: tuple[Sequence32, ...]
-    probabilities: NDArray[np.float64]  # (len(sequences),) sums to 1
+    probabilities: Floats  # (len(sequences),) sums to 1
 
     def __post_init__(self) -> None:
         n = len(self.sequences)

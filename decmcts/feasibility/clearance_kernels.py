@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.compiled import kernel
 
 CHUNK = 16  # segments a chunk box covers: rejects most of a long contour at once
@@ -23,30 +23,30 @@ Z_EPS = 1e-6  # mm, material at the nozzle's own height does not block
 class PackedHead(NamedTuple):
     """All slices of one or several heads as flat convex polygons, ascending height."""
 
-    heights: NDArray[np.float64]  # (m,) mm above the tip
-    offsets: NDArray[np.int64]  # (m + 1,) polygon k owns vertices[offsets[k]:offsets[k + 1]]
-    vertices: NDArray[np.float64]  # (v, 2) counter-clockwise, nozzle at the origin
-    normals: NDArray[np.float64]  # (v, 2) outward unit normal of the edge that starts here
-    levels: NDArray[np.float64]  # (v,) normal . vertex: the edge's support value
-    boxes: NDArray[np.float64]  # (m, 4) xmin, ymin, xmax, ymax
+    heights: Floats  # (m,) mm above the tip
+    offsets: Ints  # (m + 1,) polygon k owns vertices[offsets[k]:offsets[k + 1]]
+    vertices: Floats  # (v, 2) counter-clockwise, nozzle at the origin
+    normals: Floats  # (v, 2) outward unit normal of the edge that starts here
+    levels: Floats  # (v,) normal . vertex: the edge's support value
+    boxes: Floats  # (m, 4) xmin, ymin, xmax, ymax
 
 
 class Centrelines(NamedTuple):
     """Contours as the kernels see them. Boxes are xmin, ymin, xmax, ymax, zmin, zmax."""
 
-    points: NDArray[np.float64]  # (n_points, 3)
-    offsets: NDArray[np.int64]  # (n + 1,)
-    radius: NDArray[np.float64]  # (n,) clearance + half the width
-    boxes: NDArray[np.float64]  # (n, 6) of the centreline
-    chunk_offsets: NDArray[np.int64]  # (n + 1,)
-    chunk_boxes: NDArray[np.float64]  # (n_chunks, 6)
+    points: Floats  # (n_points, 3)
+    offsets: Ints  # (n + 1,)
+    radius: Floats  # (n,) clearance + half the width
+    boxes: Floats  # (n, 6) of the centreline
+    chunk_offsets: Ints  # (n + 1,)
+    chunk_boxes: Floats  # (n_chunks, 6)
 
 
 @kernel
 def box_reaches(
-    material: NDArray[np.float64],
+    material: Floats,
     i: int,
-    nozzle: NDArray[np.float64],
+    nozzle: Floats,
     j: int,
     head: PackedHead,
     k: int,
@@ -86,7 +86,7 @@ def point_segment2(px: float, py: float, ax: float, ay: float, bx: float, by: fl
 
 
 @kernel
-def separated_by_slice(quad: NDArray[np.float64], head: PackedHead, k: int, r: float) -> bool:
+def separated_by_slice(quad: Floats, head: PackedHead, k: int, r: float) -> bool:
     """Tell whether an edge of polygon k keeps all of the quad farther than r."""
     for e in range(head.offsets[k], head.offsets[k + 1]):
         least = np.inf
@@ -98,7 +98,7 @@ def separated_by_slice(quad: NDArray[np.float64], head: PackedHead, k: int, r: f
 
 
 @kernel
-def separated_by_quad(quad: NDArray[np.float64], head: PackedHead, k: int) -> bool:
+def separated_by_quad(quad: Floats, head: PackedHead, k: int) -> bool:
     """Tell whether an edge of the parallelogram separates it from polygon k."""
     for side in range(2):
         nx = -(quad[1 + 2 * side, 1] - quad[0, 1])
@@ -121,7 +121,7 @@ def separated_by_quad(quad: NDArray[np.float64], head: PackedHead, k: int) -> bo
 
 
 @kernel
-def boundary_near(quad: NDArray[np.float64], head: PackedHead, k: int, r: float) -> bool:
+def boundary_near(quad: Floats, head: PackedHead, k: int, r: float) -> bool:
     """Tell whether the outlines of quad and polygon k come within r of each other.
 
     For disjoint convex shapes the nearest pair contains a vertex of one of them.
@@ -143,7 +143,7 @@ def boundary_near(quad: NDArray[np.float64], head: PackedHead, k: int, r: float)
 
 
 @kernel
-def quad_meets(quad: NDArray[np.float64], head: PackedHead, k: int, r: float) -> bool:
+def quad_meets(quad: Floats, head: PackedHead, k: int, r: float) -> bool:
     """Tell whether the parallelogram comes within r of polygon k."""
     for i in range(4):
         if inside(quad[i, 0], quad[i, 1], head, k):
@@ -157,13 +157,13 @@ def quad_meets(quad: NDArray[np.float64], head: PackedHead, k: int, r: float) ->
 
 @kernel
 def segment_blocks(
-    points: NDArray[np.float64],
+    points: Floats,
     q: int,
     p: int,
     head: PackedHead,
     k: int,
     r: float,
-    quad: NDArray[np.float64],
+    quad: Floats,
 ) -> bool:
     """Tell whether bead segment q..q+1 blocks slice polygon k on nozzle segment p..p+1.
 
@@ -189,7 +189,7 @@ def segment_blocks(
 @kernel
 def chunk_depth(
     beads: Centrelines, a: int, chunk_a: int, b: int, chunk_b: int, head: PackedHead, k: int,
-    depth: float, most: float, quad: NDArray[np.float64],
+    depth: float, most: float, quad: Floats,
 ) -> float:  # fmt: skip
     """Return the greatest depth at which a chunk of a's bead blocks polygon k on a chunk of b.
 
@@ -237,7 +237,7 @@ def chunk_depth(
 @kernel
 def polygon_depth(
     beads: Centrelines, a: int, b: int, head: PackedHead, k: int, depth: float, most: float,
-    quad: NDArray[np.float64],
+    quad: Floats,
 ) -> float:  # fmt: skip
     """Return as `chunk_depth`, of the whole contours a and b."""
     boxes, r = beads.chunk_boxes, beads.radius[a]
@@ -256,7 +256,7 @@ def polygon_depth(
 
 @kernel
 def contact_depth(
-    beads: Centrelines, a: int, b: int, head: PackedHead, most: float, quad: NDArray[np.float64]
+    beads: Centrelines, a: int, b: int, head: PackedHead, most: float, quad: Floats
 ) -> tuple[float, int]:
     """Return how far a's bead stands above the tip where it blocks the head at b, and the polygon.
 

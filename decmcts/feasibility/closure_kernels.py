@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import (
     CHUNK,
@@ -36,11 +37,11 @@ ALL = np.uint64(2**64 - 1)
 class ClosureRules(NamedTuple):
     """What besides geometry orders contours."""
 
-    layer: NDArray[np.int32]  # (n,)
+    layer: Int32s  # (n,)
     role: NDArray[np.int8]  # (n,)
-    epoch: NDArray[np.int32]  # (n,) non-decreasing
-    width: NDArray[np.float64]  # (n,) mm
-    of: NDArray[np.int32]  # (n,) pieces of one contour keep no order because they touch
+    epoch: Int32s  # (n,) non-decreasing
+    width: Floats  # (n,) mm
+    of: Int32s  # (n,) pieces of one contour keep no order because they touch
     touching: NDArray[np.uint8]  # (roles, roles) kind of edge between touching contours, 0: none
     keep: bool  # whether any entry of `touching` is not 0
 
@@ -48,35 +49,35 @@ class ClosureRules(NamedTuple):
 class Words(NamedTuple):
     """Bounds of each run of 64 contours, to skip the run as a whole."""
 
-    boxes: NDArray[np.float64]  # (n_words, 6)
-    layers: NDArray[np.int32]  # (n_words, 2) lowest, highest
+    boxes: Floats  # (n_words, 6)
+    layers: Int32s  # (n_words, 2) lowest, highest
 
 
 class Edges(NamedTuple):
     """A growing list of edges, linked by their later end."""
 
-    latest: NDArray[np.int64]  # (n,) newest edge into b, NO_EDGE if none
-    older: NDArray[np.int64]  # (capacity,) next older edge into the same b
-    source: NDArray[np.int32]  # (capacity,) a
+    latest: Ints  # (n,) newest edge into b, NO_EDGE if none
+    older: Ints  # (capacity,) next older edge into the same b
+    source: Int32s  # (capacity,) a
     kind: NDArray[np.uint8]  # (capacity,)
-    used: NDArray[np.int64]  # (1,) how many of the capacity
+    used: Ints  # (1,) how many of the capacity
 
 
 class Scratch(NamedTuple):
     """Memory of the walk; all but the sides is overwritten by each contour."""
 
-    quad: NDArray[np.float64]  # (4, 2)
-    reach: NDArray[np.float64]  # (m, 5) of `fill_reach`
-    sides: NDArray[np.float64]  # (6, n) of the contours' boxes, for loops over one side
-    word_sides: NDArray[np.float64]  # (6, n_words)
+    quad: Floats  # (4, 2)
+    reach: Floats  # (m, 5) of `fill_reach`
+    sides: Floats  # (6, n) of the contours' boxes, for loops over one side
+    word_sides: Floats  # (6, n_words)
     words: NDArray[np.uint64]  # (n_words,) of `mark_words`
     contours: NDArray[np.uint64]  # (WORD,) of `mark_contours`
-    source: NDArray[np.int32]  # (n,) a of the edges into one contour
+    source: Int32s  # (n,) a of the edges into one contour
     kind: NDArray[np.uint8]  # (n,)
 
 
 @kernel
-def segment_segment2(points: NDArray[np.float64], i: int, j: int) -> float:
+def segment_segment2(points: Floats, i: int, j: int) -> float:
     """Return the squared XY distance of segments i..i+1 and j..j+1."""
     ax, ay, bx, by = points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
     cx, cy, dx, dy = points[j, 0], points[j, 1], points[j + 1, 0], points[j + 1, 1]
@@ -95,9 +96,7 @@ def segment_segment2(points: NDArray[np.float64], i: int, j: int) -> float:
 
 
 @kernel
-def boxes_near(
-    one: NDArray[np.float64], i: int, other: NDArray[np.float64], j: int, gap: float
-) -> bool:
+def boxes_near(one: Floats, i: int, other: Floats, j: int, gap: float) -> bool:
     """Tell whether two boxes come within `gap` of each other along both axes."""
     return bool(
         one[i, 0] <= other[j, 2] + gap
@@ -144,7 +143,7 @@ def required(
     head: PackedHead,
     a: int,
     b: int,
-    quad: NDArray[np.float64],
+    quad: Floats,
 ) -> int:
     """Return the kind of the edge (a, b), the least negotiable if several, or 0."""
     if rules.epoch[a] < rules.epoch[b]:
@@ -160,7 +159,7 @@ def required(
 
 
 @kernel
-def fill_reach(beads: Centrelines, head: PackedHead, b: int, reach: NDArray[np.float64]) -> None:
+def fill_reach(beads: Centrelines, head: PackedHead, b: int, reach: Floats) -> None:
     """Write where, by boxes, bead b may block each polygon: xmin, ymin, xmax, ymax, zmax."""
     r = beads.radius[b]
     for k in range(len(head.heights)):
@@ -171,13 +170,7 @@ def fill_reach(beads: Centrelines, head: PackedHead, b: int, reach: NDArray[np.f
 
 
 @kernel
-def add_in_reach(
-    sides: NDArray[np.float64],
-    first: int,
-    reach: NDArray[np.float64],
-    k: int,
-    may: NDArray[np.uint64],
-) -> None:
+def add_in_reach(sides: Floats, first: int, reach: Floats, k: int, may: NDArray[np.uint64]) -> None:
     """Set `may` to 1 for boxes from `first` on that lie within row k of `reach`.
 
     A loop without branches over one side an array: the compiler takes several boxes at a time.
@@ -237,7 +230,7 @@ def mark_contours(
 
 
 @kernel
-def row_reaches(boxes: NDArray[np.float64], i: int, reach: NDArray[np.float64], k: int) -> bool:
+def row_reaches(boxes: Floats, i: int, reach: Floats, k: int) -> bool:
     """Tell whether box i lies within row k of `reach`."""
     return bool(
         boxes[i, 4] < reach[k, 4]
@@ -364,9 +357,7 @@ def walk_columns(
 
 
 @kernel
-def close(
-    pred_offsets: NDArray[np.int64], preds: NDArray[np.int32], rows: NDArray[np.uint64]
-) -> None:
+def close(pred_offsets: Ints, preds: Int32s, rows: NDArray[np.uint64]) -> None:
     """Fill `rows` (zeros) with the ancestors of each contour; every pred is smaller."""
     for b in range(len(pred_offsets) - 1):
         for e in range(pred_offsets[b], pred_offsets[b + 1]):

@@ -23,10 +23,10 @@ any print:
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.feasibility.build import closure_of
 from decmcts.feasibility.clustering_kernels import (
     Neighbours,
@@ -37,7 +37,7 @@ from decmcts.feasibility.clustering_kernels import (
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 
 
-def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArray[np.int32]:
+def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> Int32s:
     """Return the subgraph of each contour, numbered in a topological order.
 
     Parameters
@@ -49,7 +49,7 @@ def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArr
 
     Returns
     -------
-    NDArray[np.int32]
+    Int32s
         (n,) labels from 0; the quotient has no cycle and every edge between two
         subgraphs goes from the lower to the higher label.
 
@@ -77,9 +77,7 @@ def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArr
     return labels[island]
 
 
-def sibling_gammas(
-    graph: DependencyGraph, depth: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+def sibling_gammas(graph: DependencyGraph, depth: Int32s) -> tuple[Int32s, Int32s, Floats]:
     """Return the pairs i < j of one depth that share a dependee or a depender, and gamma of each.
 
     Three arrays, (k,) each.
@@ -98,7 +96,7 @@ def sibling_gammas(
     return i, j, mean_of_terms(common, np.maximum(sizes[:, i], sizes[:, j]))
 
 
-def mean_of_terms(common: NDArray[np.int64], most: NDArray[np.int64]) -> NDArray[np.float64]:
+def mean_of_terms(common: Ints, most: Ints) -> Floats:
     """Return gamma of pairs, (k,), from the sizes of common sets and of the larger single sets.
 
     Both are (2, k): of dependees and of dependers. A side on which neither of a pair has anyone
@@ -109,7 +107,7 @@ def mean_of_terms(common: NDArray[np.int64], most: NDArray[np.int64]) -> NDArray
     return np.where(said.any(axis=0), terms.sum(axis=0) / np.maximum(said.sum(axis=0), 1), 1.0)
 
 
-def _islands(graph: DependencyGraph) -> NDArray[np.int32]:
+def _islands(graph: DependencyGraph) -> Int32s:
     """Return labels, in topological order, of the contours that PROCESS edges tie.
 
     Where barriers inside a layer make islands wait for each other in a circle,
@@ -125,12 +123,7 @@ def _islands(graph: DependencyGraph) -> NDArray[np.int32]:
     return np.asarray(ranks[island])
 
 
-def _merge(
-    graph: DependencyGraph,
-    labels: NDArray[np.int32],
-    depth: NDArray[np.int32],
-    threshold: float,
-) -> NDArray[np.int32]:
+def _merge(graph: DependencyGraph, labels: Int32s, depth: Int32s, threshold: float) -> Int32s:
     """Merge adjacent subgraphs, until nothing changes."""
     while True:
         quotient = _quotient(graph, labels)
@@ -149,7 +142,7 @@ def _preds(graph: DependencyGraph) -> Neighbours:
     return graph.pred_offsets, graph.preds
 
 
-def _by_depth(cluster: NDArray[np.int32], depth: NDArray[np.int32]) -> NDArray[np.int32]:
+def _by_depth(cluster: Int32s, depth: Int32s) -> Int32s:
     """Return the labels of clusters, each of one depth, by depth and then by first member."""
     n = len(cluster)
     first = np.full(n, n, np.int64)
@@ -158,12 +151,12 @@ def _by_depth(cluster: NDArray[np.int32], depth: NDArray[np.int32]) -> NDArray[n
     return np.asarray(np.unique(key, return_inverse=True)[1], np.int32)
 
 
-def _quotient(graph: DependencyGraph, labels: NDArray[np.int32]) -> DependencyGraph:
+def _quotient(graph: DependencyGraph, labels: Int32s) -> DependencyGraph:
     n = int(labels.max()) + 1
     return DependencyGraph.from_pairs(n, _between(labels[graph.pairs()], n))
 
 
-def _between(pairs: NDArray[np.int32], n: int) -> NDArray[np.int32]:
+def _between(pairs: Int32s, n: int) -> Int32s:
     """Return the different pairs (m, 2) whose ends differ, sorted."""
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     keys = np.sort(pairs[:, 0].astype(np.int64) * n + pairs[:, 1])  # np.unique is 5x slower
@@ -171,7 +164,7 @@ def _between(pairs: NDArray[np.int32], n: int) -> NDArray[np.int32]:
     return np.stack([keys // n, keys % n], axis=1).astype(np.int32)
 
 
-def _ranks(pairs: NDArray[np.int32], n: int) -> NDArray[np.int32]:
+def _ranks(pairs: Int32s, n: int) -> Int32s:
     """Return a topological order of n nodes as (n,) places, -1 on or behind a cycle."""
     pairs = _between(pairs, n)
     offsets = np.searchsorted(pairs[:, 0], np.arange(n + 1))
@@ -181,7 +174,7 @@ def _ranks(pairs: NDArray[np.int32], n: int) -> NDArray[np.int32]:
     )
 
 
-def _gammas(quotient: DependencyGraph) -> NDArray[np.float64]:
+def _gammas(quotient: DependencyGraph) -> Floats:
     """Return gamma of each stored edge (u, v) of the quotient, (m,), the pair itself left out.
 
     v has all of u's dependees and u all of v's dependers, so the common sets are
@@ -194,6 +187,6 @@ def _gammas(quotient: DependencyGraph) -> NDArray[np.float64]:
     return mean_of_terms(np.array([before[u], after[v]]), np.array([before[v] - 1, after[u] - 1]))
 
 
-def _ancestor_counts(graph: DependencyGraph) -> NDArray[np.int64]:
+def _ancestor_counts(graph: DependencyGraph) -> Ints:
     """Return how many nodes each node depends on, (n,); takes n² / 8 bytes."""
     return np.asarray(np.bitwise_count(closure_of(graph)).sum(axis=1, dtype=np.int64))

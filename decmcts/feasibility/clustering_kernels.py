@@ -10,18 +10,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 NONE = -1
 SEARCH_LIMIT = 1_000  # links looked at before a merge counts as closing a cycle
 
-Neighbours = tuple[NDArray[np.int64], NDArray[np.int32]]  # offsets (n + 1,), neighbours (m,)
+Neighbours = tuple[Ints, Int32s]  # offsets (n + 1,), neighbours (m,)
 
 
 @kernel
-def depths(preds: Neighbours) -> NDArray[np.int32]:
+def depths(preds: Neighbours) -> Int32s:
     """Return the edges on the longest path from a root to each node."""
     depth = np.zeros(len(preds[0]) - 1, np.int32)
     for b in range(len(depth)):
@@ -33,13 +33,13 @@ def depths(preds: Neighbours) -> NDArray[np.int32]:
 class Groups(NamedTuple):
     """Groups of nodes as they grow, with the edges between them."""
 
-    of: NDArray[np.int32]  # (n_nodes,) group of each node, NONE until it has one
-    deepest: NDArray[np.int32]  # (n_nodes,) depth of each group's last node
-    latest: NDArray[np.int32]  # (n_nodes,) newest link into each group
-    older: NDArray[np.int32]  # (n_edges,) next older link into the same group
-    source: NDArray[np.int32]  # (n_edges,) group the link comes from
-    seen: NDArray[np.int64]  # (n_nodes,) stamp of the last search that met the group
-    used: NDArray[np.int64]  # (3,) groups, links, searches
+    of: Int32s  # (n_nodes,) group of each node, NONE until it has one
+    deepest: Int32s  # (n_nodes,) depth of each group's last node
+    latest: Int32s  # (n_nodes,) newest link into each group
+    older: Int32s  # (n_edges,) next older link into the same group
+    source: Int32s  # (n_edges,) group the link comes from
+    seen: Ints  # (n_nodes,) stamp of the last search that met the group
+    used: Ints  # (3,) groups, links, searches
 
 
 @kernel
@@ -58,9 +58,7 @@ def link(groups: Groups, before: int, after: int) -> None:
 
 
 @kernel
-def reaches_back(
-    groups: Groups, target: int, preds: Neighbours, v: int, stack: NDArray[np.int32]
-) -> bool:
+def reaches_back(groups: Groups, target: int, preds: Neighbours, v: int, stack: Int32s) -> bool:
     """Tell whether v depends on group `target` through another group.
 
     Says yes as well when the search grows beyond SEARCH_LIMIT links: then the
@@ -98,9 +96,9 @@ def choose_group(
     preds: Neighbours,
     v: int,
     first_depth: int,
-    gammas: NDArray[np.float64],
+    gammas: Floats,
     threshold: float,
-    stack: NDArray[np.int32],
+    stack: Int32s,
 ) -> int:
     """Return the group of v's best connected dependee that v may join, or NONE."""
     refused = np.inf
@@ -126,11 +124,11 @@ def choose_group(
 @kernel
 def merge_adjacent(
     preds: Neighbours,
-    first_depth: NDArray[np.int32],
-    last_depth: NDArray[np.int32],
-    gammas: NDArray[np.float64],
+    first_depth: Int32s,
+    last_depth: Int32s,
+    gammas: Floats,
     threshold: float,
-) -> NDArray[np.int32]:
+) -> Int32s:
     """Return the group of each node after one sweep of merging along edges, ids from 0."""
     n = len(first_depth)
     m = len(preds[1])
@@ -159,7 +157,7 @@ def merge_adjacent(
 
 
 @kernel
-def topological_ranks(succs: Neighbours, waiting: NDArray[np.int64]) -> NDArray[np.int32]:
+def topological_ranks(succs: Neighbours, waiting: Ints) -> Int32s:
     """Return each node's place in a topological order, NONE for nodes on or behind a cycle.
 
     `waiting` counts each node's predecessors and is used up.

@@ -24,8 +24,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.feasibility import contacts_kernels as kernels
 from decmcts.feasibility.clearance_kernels import Centrelines, PackedHead
@@ -44,17 +44,17 @@ FIRST = 64  # pairs there is memory for at first
 class Contacts:
     """Pairs (a, b) in the source's order, of which a stands in the way of the head at b."""
 
-    pairs: NDArray[np.int32]  # (k, 2) a < b
-    depth: NDArray[np.float64]  # (k,) mm from the tip up to the top of a's bead
-    beside: NDArray[np.bool_]  # (k,) whether the two lie side by side
+    pairs: Int32s  # (k, 2) a < b
+    depth: Floats  # (k,) mm from the tip up to the top of a's bead
+    beside: Flags  # (k,) whether the two lie side by side
 
     @property
-    def ordered(self) -> NDArray[np.int32]:
+    def ordered(self) -> Int32s:
         """The pairs that keep their order, (m, 2)."""
         return self.pairs[self.beside]
 
     @property
-    def as_sliced(self) -> NDArray[np.int32]:
+    def as_sliced(self) -> Int32s:
         """Contours that are not reversed and not entered elsewhere, ascending."""
         return np.unique(np.concatenate([self.ordered.ravel(), self.pairs[:, 1]]))
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import (
     Z_EPS,
@@ -26,25 +26,23 @@ from decmcts.feasibility.closure_kernels import TOUCH_MM, WORD, Words, touches
 class ContactList(NamedTuple):
     """A growing list of pairs a < b of which a blocks the head at b in the source's order."""
 
-    pairs: NDArray[np.int32]  # (capacity, 2)
-    depth: NDArray[np.float64]  # (capacity,) mm that a stands above the tip
-    beside: NDArray[np.bool_]  # (capacity,) whether the beads of the two touch
-    used: NDArray[np.int64]  # (1,) how many of the capacity
+    pairs: Int32s  # (capacity, 2)
+    depth: Floats  # (capacity,) mm that a stands above the tip
+    beside: Flags  # (capacity,) whether the beads of the two touch
+    used: Ints  # (1,) how many of the capacity
 
 
 class DepthLimits(NamedTuple):
     """How deep a contact may be."""
 
-    most: NDArray[np.float64]  # (n,) mm, with this contour's bead
-    layer: NDArray[np.int32]  # (n,)
+    most: Floats  # (n,) mm, with this contour's bead
+    layer: Int32s  # (n,)
     within: float  # mm, on one layer; the larger of the two counts
-    width: NDArray[np.float64]  # (n,) mm, of the beads
+    width: Floats  # (n,) mm, of the beads
 
 
 @kernel
-def fill_danger(
-    beads: Centrelines, head: PackedHead, b: int, r: float, danger: NDArray[np.float64]
-) -> None:
+def fill_danger(beads: Centrelines, head: PackedHead, b: int, r: float, danger: Floats) -> None:
     """Write where, by boxes, material may block polygons at b: xmin, ymin, xmax, ymax, zmin."""
     for k in range(len(head.heights)):
         for axis in range(2):
@@ -54,7 +52,7 @@ def fill_danger(
 
 
 @kernel
-def in_danger(boxes: NDArray[np.float64], i: int, danger: NDArray[np.float64]) -> bool:
+def in_danger(boxes: Floats, i: int, danger: Floats) -> bool:
     """Tell whether box i lies within any row of `danger`."""
     for k in range(len(danger)):
         if boxes[i, 5] <= danger[k, 4]:

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -105,7 +105,7 @@ def _as_of_old(value: Any, field: str) -> bool:
     return (field == "pace" and value.pace == 1.0) or (field == "idle" and value.idle == Idle())
 
 
-def _steps(array: NDArray[np.float64]) -> NDArray[np.int64]:
+def _steps(array: Floats) -> Ints:
     """Return an array as multiples of `ROUND_TO`; infinite and absent ones have their own."""
     finite = np.isfinite(array)
     if finite.all():

@@ -13,6 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s, Ints
 from decmcts.print.brief import brief
 
 
@@ -35,11 +36,11 @@ class DependencyGraph:
     A sparse subset with the same transitive closure as the full definition.
     """
 
-    pred_offsets: NDArray[np.int64]  # (n + 1,)
-    preds: NDArray[np.int32]  # (m,) predecessors of b at pred_offsets[b]:pred_offsets[b + 1]
+    pred_offsets: Ints  # (n + 1,)
+    preds: Int32s  # (m,) predecessors of b at pred_offsets[b]:pred_offsets[b + 1]
     kinds: NDArray[np.uint8]  # (m,) EdgeKind, aligned with preds
-    succ_offsets: NDArray[np.int64]  # (n + 1,)
-    succs: NDArray[np.int32]  # (m,)
+    succ_offsets: Ints  # (n + 1,)
+    succs: Int32s  # (m,)
 
     __repr__ = brief("n", "n_edges")
 
@@ -53,7 +54,7 @@ class DependencyGraph:
         """Number of stored edges."""
         return len(self.preds)
 
-    def pairs(self) -> NDArray[np.int32]:
+    def pairs(self) -> Int32s:
         """Return the edges as (m, 2) rows (a, b)."""
         b = np.repeat(np.arange(self.n, dtype=np.int32), np.diff(self.pred_offsets))
         return np.stack([self.preds, b], axis=1)
@@ -98,5 +99,5 @@ class DependencyGraph:
         )
 
 
-def _offsets(ids: NDArray[np.int32], n: int) -> NDArray[np.int64]:
+def _offsets(ids: Int32s, n: int) -> Ints:
     return np.concatenate([[0], np.cumsum(np.bincount(ids, minlength=n))]).astype(np.int64)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.feasibility.clearance_kernels import CHUNK, Centrelines, PackedHead
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
@@ -45,7 +45,7 @@ def pack_heads(heads: Sequence[Head]) -> PackedHead:
     if not stack:
         raise ValueError("no head has a slice")
     stack.sort(key=lambda item: item[0])
-    kept: list[tuple[float, NDArray[np.float64]]] = []
+    kept: list[tuple[float, Floats]] = []
     for height, polygon in stack:
         if not any(_contains(outer, polygon) for _, outer in kept):
             kept.append((height, polygon))
@@ -64,9 +64,7 @@ def pack_contours(
     return boxed(contours.points, contours.offsets, clearance_mm + half + TOUCH_EPS)
 
 
-def boxed(
-    points: NDArray[np.float64], offsets: NDArray[np.int64], radius: NDArray[np.float64]
-) -> Centrelines:
+def boxed(points: Floats, offsets: Ints, radius: Floats) -> Centrelines:
     """Return polylines points[offsets[i]:offsets[i + 1]] with their boxes."""
     offsets = np.ascontiguousarray(offsets, np.int64)
     points = np.ascontiguousarray(points, np.float64)
@@ -83,7 +81,7 @@ def boxed(
     return Centrelines(points, offsets, radius, boxes, chunk_offsets, chunk_boxes)
 
 
-def boxes_of_runs(boxes: NDArray[np.float64], starts: NDArray[np.int64]) -> NDArray[np.float64]:
+def boxes_of_runs(boxes: Floats, starts: Ints) -> Floats:
     """Return the box around each run of boxes, (k, 6); run i begins at starts[i]."""
     around = np.empty((len(starts), 6))
     around[:, LOW] = np.minimum.reduceat(boxes[:, LOW], starts)
@@ -91,17 +89,17 @@ def boxes_of_runs(boxes: NDArray[np.float64], starts: NDArray[np.int64]) -> NDAr
     return around
 
 
-def _edges(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+def _edges(polygon: Floats) -> Floats:
     return np.asarray(np.roll(polygon, -1, axis=0) - polygon)
 
 
-def _normals(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normals(polygon: Floats) -> Floats:
     edge = _edges(polygon)
     outward = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
     return np.asarray(outward / np.linalg.norm(outward, axis=1, keepdims=True))
 
 
-def _convex(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+def _convex(polygon: Floats) -> Floats:
     vertices = np.ascontiguousarray(polygon, np.float64).reshape(-1, 2)
     vertices = np.ascontiguousarray(vertices[np.linalg.norm(_edges(vertices), axis=1) > 0.0])
     if len(vertices) < 3:
@@ -112,13 +110,13 @@ def _convex(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
     return vertices
 
 
-def _contains(outer: NDArray[np.float64], polygon: NDArray[np.float64]) -> bool:
+def _contains(outer: Floats, polygon: Floats) -> bool:
     normals = _normals(outer)
     levels = (normals * outer).sum(axis=1)
     return bool(((polygon @ normals.T) <= levels[None, :]).all())
 
 
-def _pack(stack: list[tuple[float, NDArray[np.float64]]]) -> PackedHead:
+def _pack(stack: list[tuple[float, Floats]]) -> PackedHead:
     vertices = np.concatenate([polygon for _, polygon in stack])
     normals = np.concatenate([_normals(polygon) for _, polygon in stack])
     sizes = [len(polygon) for _, polygon in stack]

@@ -33,8 +33,8 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.closure_kernels import TOUCH_MM
 from decmcts.feasibility.contacts import Contacts, contacts_of
@@ -45,8 +45,6 @@ from decmcts.print.loops import close_gaps
 from decmcts.print.machine import Machine
 
 FRONT = (Role.SKIRT_BRIM, Role.WIPE_TOWER, Role.CUSTOM)
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +96,7 @@ def _groups_of(contours: Contours) -> _ToolEpochs:
     return _ToolEpochs(member, np.append(np.flatnonzero(fresh), len(member)), of)
 
 
-def primers(contours: Contours, refills: tuple[int, ...], groups: _ToolEpochs) -> Bools:
+def primers(contours: Contours, refills: tuple[int, ...], groups: _ToolEpochs) -> Flags:
     """Return which contours prime the nozzle, (n,)."""
     front = np.isin(contours.role, FRONT)
     unknown = contours.role == Role.UNKNOWN
@@ -125,7 +123,7 @@ def primers(contours: Contours, refills: tuple[int, ...], groups: _ToolEpochs) -
     return np.asarray(rank < count[groups.of])
 
 
-def _leading(flag: Bools, groups: _ToolEpochs) -> Ints:
+def _leading(flag: Flags, groups: _ToolEpochs) -> Ints:
     """Return how many contours each group has before its first without the flag, (n_groups,)."""
     place = np.arange(len(flag))
     ends = np.where(flag[groups.member], len(flag), place)
@@ -160,13 +158,13 @@ def _loose(contours: Contours, members: Ints) -> int:
     return int(np.flatnonzero(sound)[-1]) + 1 if sound.any() else 0
 
 
-def _boxes(contours: Contours) -> NDArray[np.float64]:
+def _boxes(contours: Contours) -> Floats:
     """Return the bounds of each contour as xmin, ymin, -xmax, -ymax: the larger, the smaller."""
     xy, begin = contours.points[:, :2], contours.offsets[:-1]
     return np.hstack([np.minimum.reduceat(xy, begin), -np.maximum.reduceat(xy, begin)])
 
 
-def _contacts(contours: Contours, run: Ints, near: Ints) -> tuple[Ints, Bools]:
+def _contacts(contours: Contours, run: Ints, near: Ints) -> tuple[Ints, Flags]:
     """Return of each contour of `run` the last of its layer touching it, and if one above does."""
     owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
     rank = np.full(len(contours), -1)
@@ -183,8 +181,8 @@ def _contacts(contours: Contours, run: Ints, near: Ints) -> tuple[Ints, Bools]:
 
 
 def _follows(
-    pairs: Ints, contours: Contours, groups: _ToolEpochs, primes: Bools, last: Ints
-) -> Bools:
+    pairs: Ints, contours: Contours, groups: _ToolEpochs, primes: Flags, last: Ints
+) -> Flags:
     """Return which edges follow from the chains and what they lead to, (m,).
 
     Within a group all edges out of what primes; between epochs of one tool each those
@@ -272,10 +270,8 @@ def _material(job: PrintJob, free_seams: bool) -> Contours:
 
 DENSE = 8  # edges a contour up to which the pairs themselves are stored
 
-Ints = NDArray[np.int64]
 
-
-def limit_lead(graph: DependencyGraph, layer: NDArray[np.int32], *, layers: int) -> DependencyGraph:
+def limit_lead(graph: DependencyGraph, layer: Int32s, *, layers: int) -> DependencyGraph:
     """Return the graph with edges that let no contour run more than `layers` layers ahead.
 
     Where the source itself goes down again (objects printed one by one) the

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
@@ -23,16 +24,16 @@ _FEED_MM_S = 60.0  # where none is stated
 
 @checked
 def from_arrays(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    layer: NDArray[np.int32],
+    points: Floats,
+    offsets: Ints,
+    layer: Int32s,
     machine: str | Machine,
     *,
     role: NDArray[np.int8] | None = None,
-    extrusion: NDArray[np.float64] | None = None,
-    feed: NDArray[np.float64] | float | None = None,
-    width: NDArray[np.float64] | float | None = None,
-    height: NDArray[np.float64] | float | None = None,
+    extrusion: Floats | None = None,
+    feed: Floats | float | None = None,
+    width: Floats | float | None = None,
+    height: Floats | float | None = None,
     options: SliceOptions | None = None,
     report: Report = unheard,
 ) -> Source:
@@ -40,20 +41,20 @@ def from_arrays(
 
     Parameters
     ----------
-    points : NDArray[np.float64]
+    points : Floats
         (n_points, 3) places of the nozzle, mm; taken to 0.001 mm.
-    offsets : NDArray[np.int64]
+    offsets : Ints
         (n + 1,) contour i is ``points[offsets[i]:offsets[i + 1]]``, two points or more.
-    layer : NDArray[np.int32]
+    layer : Int32s
         (n,) layer of each contour, from 0, never falling.
     machine : str | Machine
         The printer, as for `read`.
     role : NDArray[np.int8] | None
         (n,) what each is for, a `Role`; None: not known.
-    extrusion : NDArray[np.float64] | None
+    extrusion : Floats | None
         (n_points,) filament of the segment that ends at each point, mm; at the first point of a
         contour it is not used. None: as width and height ask for.
-    feed, width, height : NDArray[np.float64] | float | None
+    feed, width, height : Floats | float | None
         (n,) or one for all: mm/s while it is printed, and size of the bead, mm. None: 60 mm/s,
         bead width and layer height of the options.
     options : SliceOptions | None
@@ -109,7 +110,7 @@ def from_arrays(
     return replace(read(file, printer, report=report), folder=folder)
 
 
-def _paths(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+def _paths(points: Floats, offsets: Ints) -> list[Floats]:
     _require("points", points.ndim == 2 and points.shape[-1] == 3, "must have shape (n_points, 3)")
     _require("points", np.isfinite(points).all(), "must be finite")
     shaped = offsets.ndim == 1 and len(offsets) >= 2 and offsets.dtype.kind in "iu"
@@ -119,13 +120,13 @@ def _paths(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> list[NDAr
     return np.split(points.round(3), offsets[1:-1])
 
 
-def _lengths(path: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lengths(path: Floats) -> Floats:
     return np.asarray(np.linalg.norm(np.diff(path, axis=0), axis=1))
 
 
 def _values(
     name: str, given: object, n: int, usual: float, *, above: float | None = None
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return one number for each of n, finite; InputError names what is none."""
     found = np.asarray(usual if given is None else given, np.float64)
     _require(name, found.shape in ((), (n,)), f"has shape {found.shape}, must be ({n},)")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.arrays import Floats, Int32s
 from decmcts.errors import VerificationError
 from decmcts.formats.bare.qcsp import QcspProblem
 from decmcts.formats.bare.sop import SopInstance
@@ -17,8 +17,8 @@ from decmcts.team.qcsp.solver import QcspResult, search_qcsp
 
 @checked
 def solve_sop(
-    costs: NDArray[np.float64],
-    precedence: NDArray[np.int32],
+    costs: Floats,
+    precedence: Int32s,
     *,
     time_limit_s: float = 30.0,
     seed: int = 0,
@@ -32,9 +32,9 @@ def solve_sop(
 
     Parameters
     ----------
-    costs : NDArray[np.float64]
+    costs : Floats
         (n, n) cost of going from row to column, 0 to 10¹²; the diagonal is not used.
-    precedence : NDArray[np.int32]
+    precedence : Int32s
         (m, 2) rows (a, b): a somewhere before b. May be redundant.
     time_limit_s : float
         Wall-clock limit, s, preparations included.

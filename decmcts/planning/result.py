@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.arrays import Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.events import Report, Stop, never, unheard
@@ -95,12 +96,12 @@ class Result:
         return self.document.plan.order
 
     @property
-    def assignments(self) -> NDArray[np.int32]:
+    def assignments(self) -> Int32s:
         """Place of the head that prints each contour among the plan's heads, (n,)."""
         return self.document.plan.assignments
 
     @property
-    def schedule(self) -> NDArray[np.float64]:
+    def schedule(self) -> Floats:
         """When each contour begins and ends by the plan, (n, 2) s."""
         return self.document.plan.schedule
 

@@ -149,8 +149,7 @@ def _refuse(size: float, trials: int, queue: int) -> None:
 
 
 def _machine_of(
-    plan: PlanDocument | None, machine: str | Machine | None, files: Sequence[Path],
-    report: Report,
+    plan: PlanDocument | None, machine: str | Machine | None, files: Sequence[Path], report: Report,
 ) -> Machine:  # fmt: skip
     if plan is not None:
         if machine is not None:

@@ -13,6 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.brief import brief
 
 
@@ -47,24 +48,24 @@ class Contours:
     A bead printed with the nozzle at (x, y, z) fills from z - height to z.
     """
 
-    points: NDArray[np.float64]  # (n_points, 3) nozzle tip, mm
-    offsets: NDArray[np.int64]  # (n + 1,) contour i owns points[offsets[i]:offsets[i + 1]]
+    points: Floats  # (n_points, 3) nozzle tip, mm
+    offsets: Ints  # (n + 1,) contour i owns points[offsets[i]:offsets[i + 1]]
     extrusion: NDArray[
         np.float64
     ]  # (n_points,) filament mm of the segment ending here; 0 at a start
-    feed: NDArray[np.float64]  # (n_points,) mm/s of the segment ending here; 0 at a start
-    width: NDArray[np.float64]  # (n,) bead width, mm
-    height: NDArray[np.float64]  # (n,) bead (layer) height, mm
+    feed: Floats  # (n_points,) mm/s of the segment ending here; 0 at a start
+    width: Floats  # (n,) bead width, mm
+    height: Floats  # (n,) bead (layer) height, mm
     role: NDArray[np.int8]  # (n,) Role
-    closed: NDArray[np.bool_]  # (n,) ends where it starts (within a bead width)
-    layer: NDArray[np.int32]  # (n,) layer index of the source, from 0
+    closed: Flags  # (n,) ends where it starts (within a bead width)
+    layer: Int32s  # (n,) layer index of the source, from 0
     tool: NDArray[np.int16]  # (n,) tool number of the source
-    reversible: NDArray[np.bool_]  # (n,) may be reversed
-    epoch: NDArray[np.int32]  # (n,) non-decreasing; all of epoch k before any of epoch k + 1
-    line: NDArray[np.int32]  # (n,) source line of the first extruding move, from 1 (0: none)
-    of: NDArray[np.int32] | None = None  # (n,) of a cut print (`decmcts.print.cut`): the source's
+    reversible: Flags  # (n,) may be reversed
+    epoch: Int32s  # (n,) non-decreasing; all of epoch k before any of epoch k + 1
+    line: Int32s  # (n,) source line of the first extruding move, from 1 (0: none)
+    of: Int32s | None = None  # (n,) of a cut print (`decmcts.print.cut`): the source's
     # contour that each is a piece of; None: nothing is cut
-    along: NDArray[np.float64] | None = None  # (n_points,) place of each point on that contour:
+    along: Floats | None = None  # (n_points,) place of each point on that contour:
     # k + f lies on the segment from its vertex k to k + 1, at the share f
 
     __repr__ = brief("layer", "points")
@@ -88,36 +89,36 @@ class Contours:
         return len(self.offsets) - 1
 
     @property
-    def sources(self) -> NDArray[np.int32]:
+    def sources(self) -> Int32s:
         """Number of the source's contour that each is or is a piece of, (n,)."""
         return np.arange(len(self), dtype=np.int32) if self.of is None else self.of
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Floats:
         """First point of each contour as sliced, (n, 3)."""
         return self.points[self.offsets[:-1]]
 
     @property
-    def end(self) -> NDArray[np.float64]:
+    def end(self) -> Floats:
         """Last point of each contour as sliced, (n, 3)."""
         return self.points[self.offsets[1:] - 1]
 
     @property
-    def top(self) -> NDArray[np.float64]:
+    def top(self) -> Floats:
         """Highest z of each contour, (n,)."""
         return np.asarray(np.maximum.reduceat(self.points[:, 2], self.offsets[:-1]))
 
     @property
-    def bottom(self) -> NDArray[np.float64]:
+    def bottom(self) -> Floats:
         """Lowest nozzle z of each contour, (n,)."""
         return np.asarray(np.minimum.reduceat(self.points[:, 2], self.offsets[:-1]))
 
-    def polyline(self, contour: int) -> NDArray[np.float64]:
+    def polyline(self, contour: int) -> Floats:
         """Points of one contour as sliced, (k, 3)."""
         return self.points[self.offsets[contour] : self.offsets[contour + 1]]
 
 
-def taken(contours: Contours, rows: NDArray[np.int64]) -> Contours:
+def taken(contours: Contours, rows: Ints) -> Contours:
     """Return these contours of a print that is not cut, in this order; `rows` has their numbers."""
     count = np.diff(contours.offsets)[rows]
     offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)

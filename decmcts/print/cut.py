@@ -17,8 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.cut_kernels import Stretches, cut_at_lines, points_of
 from decmcts.print.job import PrintJob
@@ -33,8 +33,6 @@ INFILL = (Role.INFILL, Role.SOLID_INFILL)  # that is inside the part
 LEAST_MM = 0.4  # no stretch is shorter
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)  # what shows
 AT_ONCE_S = 1e-3  # stretches printed so soon one after the other are one bead again
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +40,8 @@ class CutLines:
     """Where contours are to be cut."""
 
     axis: int  # 0: at places along X, 1: along Y
-    at: NDArray[np.float64]  # (k,) mm, ascending within each contour's
-    offsets: NDArray[np.int64]  # (n + 1,) contour c is cut at at[offsets[c]:offsets[c + 1]]
+    at: Floats  # (k,) mm, ascending within each contour's
+    offsets: Ints  # (n + 1,) contour c is cut at at[offsets[c]:offsets[c + 1]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +73,8 @@ def cut_metrics(pieces: Contours) -> CutMetrics:
 
 def cut_job(
     job: PrintJob, lines: CutLines, *, walls: Walls, hop_mm: float, hop_feed: float,
-    whole: NDArray[np.bool_], grid: Grid,
-) -> tuple[PrintJob, NDArray[np.int64]]:  # fmt: skip
+    whole: Flags, grid: Grid,
+) -> tuple[PrintJob, Ints]:  # fmt: skip
     """Return the job with its contours cut at lines.
 
     Parameters
@@ -92,7 +90,7 @@ def cut_job(
 
     Returns
     -------
-    tuple[PrintJob, NDArray[np.int64]]
+    tuple[PrintJob, Ints]
         Also the point of the source at the end of the segment that each segment is a part of,
         (n_points,).
     """
@@ -119,7 +117,7 @@ def cut_job(
 
 def _grouped(
     c: Contours, parts: Stretches, lines: CutLines, walls: Walls, hop_mm: float
-) -> tuple[Stretches, NDArray[np.bool_]]:
+) -> tuple[Stretches, Flags]:
     """Return the stretches in the order of pieces, and which of them begin one."""
     middle = _place(c, parts.contour, (parts.begin + parts.end) / 2.0)[:, lines.axis]
     strip = _strips_of(lines, parts.contour, middle)
@@ -148,7 +146,7 @@ def _grouped(
     return Stretches(contour[order], begin[order], end[order]), new[order]
 
 
-def _stays_inside(walls: Walls, begin: Floats, end: Floats) -> NDArray[np.bool_]:
+def _stays_inside(walls: Walls, begin: Floats, end: Floats) -> Flags:
     """Tell which hops (k, 3) to (k, 3) lead over no outer wall, however their ends are rounded."""
     step = end - begin
     aside = np.column_stack([-step[:, 1], step[:, 0], 0.0 * step[:, 2]])
@@ -159,9 +157,7 @@ def _stays_inside(walls: Walls, begin: Floats, end: Floats) -> NDArray[np.bool_]
     return inside
 
 
-def _strips_of(
-    lines: CutLines, contour: NDArray[np.int32], at: NDArray[np.float64]
-) -> NDArray[np.int64]:
+def _strips_of(lines: CutLines, contour: Int32s, at: Floats) -> Ints:
     """Return between which lines of its contour each place along the axis lies, (k,)."""
     below = np.zeros(len(at), np.int64)
     first, count = lines.offsets[contour], np.diff(lines.offsets)[contour]
@@ -171,9 +167,7 @@ def _strips_of(
     return below
 
 
-def _place(
-    c: Contours, contour: NDArray[np.int32], along: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _place(c: Contours, contour: Int32s, along: Floats) -> Floats:
     """Return where places along contours are, (k, 3) mm."""
     first, last = c.offsets[contour], c.offsets[contour + 1] - 1
     k = np.minimum(first + np.floor(along).astype(np.int64), last - 1)
@@ -242,7 +236,7 @@ def _passed(pieces: Contours, actions: HeadActions) -> tuple[Ints, Floats]:
     return np.repeat(pieces.offsets[contour], sizes) + np.where(turned, back, within), times
 
 
-def late_contours(pieces: Contours, plan: JointPlan, limit_s: float) -> NDArray[np.bool_]:
+def late_contours(pieces: Contours, plan: JointPlan, limit_s: float) -> Flags:
     """Tell which contours of the source have a weld older than a limit, (number of contours,)."""
     age, cuts = weld_ages(pieces, plan)
     late = np.zeros(int(pieces.sources.max(initial=-1)) + 1, np.bool_)

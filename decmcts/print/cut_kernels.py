@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.print.loops_kernels import distance_of
 
@@ -20,29 +20,29 @@ SNAP_MM = 0.2  # a cut as near to a vertex goes to the vertex
 class Stretches(NamedTuple):
     """What lies between two cuts of one contour, in the order of contours and along them."""
 
-    contour: NDArray[np.int32]  # (k,)
-    begin: NDArray[np.float64]  # (k,) along the contour
-    end: NDArray[np.float64]  # (k,)
+    contour: Int32s  # (k,)
+    begin: Floats  # (k,) along the contour
+    end: Floats  # (k,)
 
 
 class CutPoints(NamedTuple):
     """The points of all pieces."""
 
-    points: NDArray[np.float64]  # (m, 3) mm
-    extrusion: NDArray[np.float64]  # (m,) filament mm of the segment ending here; 0 of a hop
-    feed: NDArray[np.float64]  # (m,) mm/s
-    along: NDArray[np.float64]  # (m,) place on the source's contour
-    row: NDArray[np.int64]  # (m,) point of the source at the end of the segment it is a part of
+    points: Floats  # (m, 3) mm
+    extrusion: Floats  # (m,) filament mm of the segment ending here; 0 of a hop
+    feed: Floats  # (m,) mm/s
+    along: Floats  # (m,) place on the source's contour
+    row: Ints  # (m,) point of the source at the end of the segment it is a part of
 
 
 @kernel
 def cut_at_lines(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
+    points: Floats,
+    offsets: Ints,
     axis: int,
-    lines: NDArray[np.float64],
-    line_offsets: NDArray[np.int64],
-    whole: NDArray[np.bool_],
+    lines: Floats,
+    line_offsets: Ints,
+    whole: Flags,
     least_mm: float,
 ) -> Stretches:
     """Return the stretches of contours that are cut where they cross lines.
@@ -94,9 +94,7 @@ def cut_at_lines(
 
 
 @inlined
-def _crossed(
-    points: NDArray[np.float64], p: int, axis: int, lines: NDArray[np.float64], i: int, j: int
-) -> tuple[int, int]:
+def _crossed(points: Floats, p: int, axis: int, lines: Floats, i: int, j: int) -> tuple[int, int]:
     """Which of the lines i..j - 1 the segment that begins at point p crosses.
 
     Of a line through a vertex, the segment whose lower end that is.
@@ -112,12 +110,12 @@ def _crossed(
 
 @kernel
 def points_of(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    feed: NDArray[np.float64],
-    offsets: NDArray[np.int64],
+    points: Floats,
+    extrusion: Floats,
+    feed: Floats,
+    offsets: Ints,
     stretches: Stretches,
-    first_of: NDArray[np.bool_],
+    first_of: Flags,
     hop_feed: float,
     xy_scale: float,
     e_scale: float,
@@ -166,10 +164,7 @@ def points_of(
 
 
 @inlined
-def _place_at(
-    points: NDArray[np.float64], p: int, share: float, scale: float,
-    out: NDArray[np.float64], m: int,
-) -> None:  # fmt: skip
+def _place_at(points: Floats, p: int, share: float, scale: float, out: Floats, m: int) -> None:
     """Write the point at a share of the segment from p to p + 1."""
     for axis in range(3):
         a = points[p, axis]

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.detours_kernels import MOST_BENDS, Loops, detours
 from decmcts.print.walls import OUTER, has_walls, outer_walls
@@ -48,9 +48,7 @@ class Detours:
             walls = outer_walls(contours)
         return Detours(walls, wall_loops(contours, walls), price)
 
-    def bends(
-        self, starts: NDArray[np.float64], goals: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def bends(self, starts: Floats, goals: Floats) -> tuple[Floats, Ints]:
         """Return the bends (b, 2) of travels from starts to goals, (m, 3) each, offsets (m + 1,).
 
         A travel has none where it crosses no outer wall of its ends' layers, or where no way
@@ -70,9 +68,7 @@ class Detours:
             bends, counts[far] = self._within_reach(bends, led)
         return bends, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
-    def _within_reach(
-        self, bends: NDArray[np.float64], counts: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _within_reach(self, bends: Floats, counts: Ints) -> tuple[Floats, Ints]:
         """Return the bends and counts without those of travels that would leave the reach."""
         travel = np.repeat(np.arange(len(counts)), counts)
         low, high = np.array(self.reach[:2]), np.array(self.reach[2:])
@@ -80,7 +76,7 @@ class Detours:
         kept[travel[((bends < low) | (bends > high)).any(axis=1)]] = False
         return bends[kept[travel]], np.where(kept, counts, 0)
 
-    def over_walls_mm(self, starts: NDArray[np.float64], goals: NDArray[np.float64]) -> float:
+    def over_walls_mm(self, starts: Floats, goals: Floats) -> float:
         """Return the length of the legs over outer walls of these travels, bends and all, mm.
 
         Counted as `decmcts.formats.gcode.controller.duration.travel_over` counts a file's.
@@ -89,19 +85,17 @@ class Detours:
         return over_walls_mm(self.walls, starts, goals, bends, offsets)
 
 
-def straight_over_walls_mm(
-    walls: Walls, starts: NDArray[np.float64], goals: NDArray[np.float64]
-) -> float:
+def straight_over_walls_mm(walls: Walls, starts: Floats, goals: Floats) -> float:
     """Return the length of straight travels over outer walls, from starts to goals, (m, 3), mm."""
     return over_walls_mm(walls, starts, goals, np.empty((0, 2)), np.zeros(len(starts) + 1, int))
 
 
 def over_walls_mm(
     walls: Walls,
-    starts: NDArray[np.float64],
-    goals: NDArray[np.float64],
-    bends: NDArray[np.float64],
-    offsets: NDArray[np.int64],
+    starts: Floats,
+    goals: Floats,
+    bends: Floats,
+    offsets: Ints,
 ) -> float:
     """Return the length of legs over outer walls, mm, of travels by bends (b, 2), offsets (m + 1,).
 
@@ -151,7 +145,7 @@ def wall_loops(contours: Contours, walls: Walls) -> Loops:
     )
 
 
-def _pieces(contours: Contours) -> NDArray[np.int64]:
+def _pieces(contours: Contours) -> Ints:
     """Return the first and the last contour of each loop of outer walls, (l, 2)."""
     c = contours
     low = np.minimum.reduceat(c.points[:, 2], c.offsets[:-1])
@@ -170,15 +164,13 @@ def _pieces(contours: Contours) -> NDArray[np.int64]:
     return np.asarray(np.column_stack([first, last])[kept], np.int64)
 
 
-def _ring(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ring(points: Floats) -> Floats:
     """Return the corners of a loop, none twice in a row."""
     apart = (points != np.roll(points, 1, axis=0)).any(axis=1)
     return points[apart] if apart.any() else points[:1]
 
 
-def _of_ring(
-    ring: NDArray[np.float64], walls: Walls, k: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _of_ring(ring: Floats, walls: Walls, k: int) -> tuple[Floats, Floats, float]:
     """Return normals into the part, places along the loop and its length."""
     step = np.roll(ring, -1, axis=0) - ring
     length = np.maximum(np.hypot(*step.T), 1e-12)

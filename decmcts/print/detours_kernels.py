@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.compiled import kernel
 from decmcts.print.walls_kernels import (
     END_MM,
@@ -38,13 +38,13 @@ MOST_BENDS = 48  # of a way pulled taut, among which shortcuts are sought
 class Loops(NamedTuple):
     """Outer walls as closed loops, by the layers of `Walls`."""
 
-    points: NDArray[np.float64]  # (p, 2) mm
-    inner: NDArray[np.float64]  # (p, 2) unit normals into the part, longer at corners
-    along: NDArray[np.float64]  # (p,) mm along its loop
-    offsets: NDArray[np.int64]  # (n + 1,)
-    length: NDArray[np.float64]  # (n,) mm
-    boxes: NDArray[np.float64]  # (n, 4) x0, y0, x1, y1
-    first: NDArray[np.int64]  # (layers + 1,) loops of layer l: first[l]..first[l + 1]
+    points: Floats  # (p, 2) mm
+    inner: Floats  # (p, 2) unit normals into the part, longer at corners
+    along: Floats  # (p,) mm along its loop
+    offsets: Ints  # (n + 1,)
+    length: Floats  # (n,) mm
+    boxes: Floats  # (n, 4) x0, y0, x1, y1
+    first: Ints  # (layers + 1,) loops of layer l: first[l]..first[l + 1]
 
 
 @kernel
@@ -64,9 +64,7 @@ def meets(
 
 
 @kernel
-def first_and_last(
-    loops: Loops, n: int, a: NDArray[np.float64], b: NDArray[np.float64], found: NDArray[np.float64]
-) -> None:
+def first_and_last(loops: Loops, n: int, a: Floats, b: Floats, found: Floats) -> None:
     """Write to `found` where a..b first and last meets loop n: t and edge, twice; t 2 for never."""
     found[0], found[2] = 2.0, -1.0
     box = loops.boxes[n]
@@ -89,10 +87,7 @@ def first_and_last(
 
 
 @kernel
-def next_loop(
-    loops: Loops, layer: int, a: NDArray[np.float64], b: NDArray[np.float64], t: float,
-    best: NDArray[np.float64],
-) -> int:  # fmt: skip
+def next_loop(loops: Loops, layer: int, a: Floats, b: Floats, t: float, best: Floats) -> int:
     """Return the loop that a..b meets first beyond t, -1 for none.
 
     `best` becomes where it is met, as `first_and_last` says it. A loop met but once, at an end
@@ -113,8 +108,7 @@ def next_loop(
 
 @kernel
 def cross_upright(
-    loops: Loops, a: NDArray[np.float64], b: NDArray[np.float64], t: float, edge: int, n: int,
-    way: NDArray[np.float64], size: int,
+    loops: Loops, a: Floats, b: Floats, t: float, edge: int, n: int, way: Floats, size: int,
 ) -> int:  # fmt: skip
     """Add a point on either side of an edge of loop n where a..b crosses it at t; the new size."""
     if size >= len(way) - 3:
@@ -134,9 +128,7 @@ def cross_upright(
 
 
 @kernel
-def side_of(
-    walls: Walls, k: int, a: NDArray[np.float64], b: NDArray[np.float64], met: NDArray[np.float64]
-) -> float:
+def side_of(walls: Walls, k: int, a: Floats, b: Floats, met: Floats) -> float:
     """Return the side a loop is followed on: 1 inside the part, -1 outside of it."""
     length = math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
     before, behind = met[0] - 0.05 / length, met[2] + 0.05 / length
@@ -149,9 +141,7 @@ def side_of(
 
 
 @kernel
-def place(
-    loops: Loops, edge: int, a: NDArray[np.float64], b: NDArray[np.float64], t: float
-) -> float:
+def place(loops: Loops, edge: int, a: Floats, b: Floats, t: float) -> float:
     """Return how far along its loop the point at t of a..b lies, on this edge."""
     x, y = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])
     dx, dy = x - loops.points[edge, 0], y - loops.points[edge, 1]
@@ -160,8 +150,7 @@ def place(
 
 @kernel
 def follow(
-    loops: Loops, n: int, a: NDArray[np.float64], b: NDArray[np.float64],
-    met: NDArray[np.float64], side: float, way: NDArray[np.float64], size: int,
+    loops: Loops, n: int, a: Floats, b: Floats, met: Floats, side: float, way: Floats, size: int,
 ) -> int:  # fmt: skip
     """Add the way beside loop n from where a..b first meets it to where it last does.
 
@@ -190,10 +179,7 @@ def follow(
 
 
 @kernel
-def round_loops(
-    walls: Walls, loops: Loops, k: int, old: NDArray[np.float64], size: int,
-    way: NDArray[np.float64],
-) -> int:  # fmt: skip
+def round_loops(walls: Walls, loops: Loops, k: int, old: Floats, size: int, way: Floats) -> int:
     """Write to `way` the way `old` with its crossings of the layer at k gone round."""
     layer = (k - HEAD) // PER_LAYER
     way[0] = old[0]
@@ -221,7 +207,7 @@ def round_loops(
 
 
 @kernel
-def leg_over(walls: Walls, ka: int, kb: int, way: NDArray[np.float64], i: int, j: int) -> bool:
+def leg_over(walls: Walls, ka: int, kb: int, way: Floats, i: int, j: int) -> bool:
     """Tell whether the straight leg from point i of a way to point j crosses a wall, or grazes one.
 
     Files round points, so a leg that merely touches no wall may cross it where it is written.
@@ -243,7 +229,7 @@ def leg_over(walls: Walls, ka: int, kb: int, way: NDArray[np.float64], i: int, j
 
 
 @kernel
-def pull_taut(walls: Walls, ka: int, kb: int, way: NDArray[np.float64], size: int) -> int:
+def pull_taut(walls: Walls, ka: int, kb: int, way: Floats, size: int) -> int:
     """Leave out points of a way that need not be there, in place; returns the new size."""
     kept, i = 1, 0
     while i < size - 1 and kept < MOST_BENDS - 1:
@@ -265,9 +251,7 @@ def pull_taut(walls: Walls, ka: int, kb: int, way: NDArray[np.float64], size: in
 
 
 @kernel
-def cheapest(
-    walls: Walls, ka: int, kb: int, price: float, way: NDArray[np.float64], size: int
-) -> int:
+def cheapest(walls: Walls, ka: int, kb: int, price: float, way: Floats, size: int) -> int:
     """Keep the points of the cheapest way through some of them, in place; returns the new size."""
     cost, before = np.full(size, np.inf), np.zeros(size, np.int64)
     cost[0] = 0.0
@@ -295,8 +279,7 @@ def cheapest(
 
 @kernel
 def route(
-    walls: Walls, loops: Loops, price: float, a: NDArray[np.float64], b: NDArray[np.float64],
-    way: NDArray[np.float64], spare: NDArray[np.float64],
+    walls: Walls, loops: Loops, price: float, a: Floats, b: Floats, way: Floats, spare: Floats,
 ) -> int:  # fmt: skip
     """Write the way from a to b, (3,) each, to `way`; returns how many points it has.
 
@@ -316,9 +299,9 @@ def route(
 
 @kernel
 def detours(
-    walls: Walls, loops: Loops, price: float, starts: NDArray[np.float64],
-    goals: NDArray[np.float64], counts: NDArray[np.int64], longest: int,
-) -> NDArray[np.float64]:  # fmt: skip
+    walls: Walls, loops: Loops, price: float, starts: Floats,
+    goals: Floats, counts: Ints, longest: int,
+) -> Floats:  # fmt: skip
     """Return the bends of the travels from starts to goals, (m, 3) each, one after the other.
 
     `counts` (m,) becomes how many each has: 0 where it goes straight. A mm over walls is

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, MotionLimits, Practice
@@ -89,7 +89,7 @@ class PrintJob:
     slicer: str = ""  # e.g. "PrusaSlicer 2.5.0"
     notes: tuple[str, ...] = ()  # one line each, shown in the summary
     limits: MotionLimits = field(default_factory=MotionLimits.unstated)  # as the source states them
-    acceleration: NDArray[np.float64] | None = None  # (n_points,) mm/s² set for the segment
+    acceleration: Floats | None = None  # (n_points,) mm/s² set for the segment
     # ending at each point of the contours, NaN where nothing sets it; None: nowhere
     refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause
     printed: Contours | None = None  # what stands on the bed before anything here is printed
@@ -101,7 +101,7 @@ class PrintJob:
     __repr__ = brief("name", "slicer", "contours", "barriers", "notes")
 
     @property
-    def accelerations(self) -> NDArray[np.float64]:
+    def accelerations(self) -> Floats:
         """Acceleration set for the segment ending at each point, (n_points,) mm/s²; 0: none is."""
         if self.acceleration is None:
             return np.zeros(len(self.contours.points))

@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from decmcts.arrays import Floats, Int32s, Ints
 
 
 class Lags(NamedTuple):
     """The contours below each contour and how long they need."""
 
-    offsets: NDArray[np.int64]  # (n + 1,)
-    below: NDArray[np.int32]  # (m,) those below b at below[offsets[b]:offsets[b + 1]]
-    seconds: NDArray[np.float64]  # (m,) b begins no sooner than this after the end of each
+    offsets: Ints  # (n + 1,)
+    below: Int32s  # (m,) those below b at below[offsets[b]:offsets[b + 1]]
+    seconds: Floats  # (m,) b begins no sooner than this after the end of each
 
 
 def no_lags(n: int) -> Lags:

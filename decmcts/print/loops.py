@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.contours import Contours, Role
 from decmcts.print.loops_kernels import (
     SLIVER_MM,
@@ -35,7 +35,7 @@ LEAST_GAP_MM = 0.015  # a shorter one's length and filament are mostly rounding 
 STAYS = (Role.IRONING, Role.WIPE_TOWER)
 
 
-def movable(contours: Contours) -> NDArray[np.bool_]:
+def movable(contours: Contours) -> Flags:
     """Tell which contours may be entered at another vertex, (n,).
 
     Closed ones at one height that the source lets be reversed: not ironing, wipe
@@ -50,7 +50,7 @@ def movable(contours: Contours) -> NDArray[np.bool_]:
     return np.asarray(able & flat & gap_fits & (np.diff(contours.offsets) >= 4))
 
 
-def allowed_entries(contours: Contours) -> NDArray[np.bool_]:
+def allowed_entries(contours: Contours) -> Flags:
     """Tell for each point whether its contour may be entered there, (n_points,).
 
     The first point of a contour always may: that is as sliced.
@@ -60,7 +60,7 @@ def allowed_entries(contours: Contours) -> NDArray[np.bool_]:
     return allowed
 
 
-def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
+def enter_at(contours: Contours, entry: Int32s) -> Contours:
     """Return the contours as they run when each is entered at its vertex `entry[c]`.
 
     Numbering and all values of a contour stay; only points and segments change.
@@ -70,7 +70,7 @@ def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
     return as_run(contours, *rotated(contours, entry))
 
 
-def as_run(contours: Contours, run: Rotated, offsets: NDArray[np.int64]) -> Contours:
+def as_run(contours: Contours, run: Rotated, offsets: Ints) -> Contours:
     """Return the contours with other points and segments, which lie nowhere along pieces."""
     return replace(
         contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets,
@@ -78,7 +78,7 @@ def as_run(contours: Contours, run: Rotated, offsets: NDArray[np.int64]) -> Cont
     )  # fmt: skip
 
 
-def rotated(contours: Contours, entry: NDArray[np.int32]) -> tuple[Rotated, NDArray[np.int64]]:
+def rotated(contours: Contours, entry: Int32s) -> tuple[Rotated, Ints]:
     """Return the arrays of `enter_at` with the source row of each segment, and the offsets."""
     room = len(contours.points) + int((entry > 0).sum())
     out, offsets = _room(room), np.empty(len(contours) + 1, np.int64)
@@ -111,9 +111,7 @@ def as_printed(contours: Contours, contour: int, entry: int, *, reverse: bool) -
     return Rotated(run.points[::-1], run.extrusion[last], run.feed[last], run.rows[last])
 
 
-def exits_of(
-    contours: Contours, contour: NDArray[np.int32], vertex: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def exits_of(contours: Contours, contour: Int32s, vertex: Int32s) -> Floats:
     """Return where each of these contours ends if it is entered at that vertex, (k, 3)."""
     out = np.empty((len(contour), 3))
     at = np.ascontiguousarray(vertex, np.int32)

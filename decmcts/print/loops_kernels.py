@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 SLIVER_MM = 2e-3  # shorter pieces are not made: files have three decimals
@@ -23,23 +23,23 @@ STEADY = 0.1  # share by which the filament per mm at the two seams may differ
 class Polylines(NamedTuple):
     """A print's contours as sliced, see `decmcts.print.contours.Contours`."""
 
-    points: NDArray[np.float64]  # (n_points, 3) mm
-    extrusion: NDArray[np.float64]  # (n_points,) filament mm of the segment ending here
-    feed: NDArray[np.float64]  # (n_points,) mm/s
-    offsets: NDArray[np.int64]  # (n + 1,)
+    points: Floats  # (n_points, 3) mm
+    extrusion: Floats  # (n_points,) filament mm of the segment ending here
+    feed: Floats  # (n_points,) mm/s
+    offsets: Ints  # (n + 1,)
 
 
 class Rotated(NamedTuple):
     """Contours in their chosen traversal, filled from the front."""
 
-    points: NDArray[np.float64]  # (m, 3) mm
-    extrusion: NDArray[np.float64]  # (m,) filament mm of the segment ending here
-    feed: NDArray[np.float64]  # (m,) mm/s
-    rows: NDArray[np.int64]  # (m,) source row whose segment this one is, or is part of
+    points: Floats  # (m, 3) mm
+    extrusion: Floats  # (m,) filament mm of the segment ending here
+    feed: Floats  # (m,) mm/s
+    rows: Ints  # (m,) source row whose segment this one is, or is part of
 
 
 @kernel
-def distance_of(points: NDArray[np.float64], a: int, b: int) -> float:
+def distance_of(points: Floats, a: int, b: int) -> float:
     """Return the distance of two rows."""
     x, y = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
     z = points[b, 2] - points[a, 2]
@@ -47,7 +47,7 @@ def distance_of(points: NDArray[np.float64], a: int, b: int) -> float:
 
 
 @kernel
-def gap_of(points: NDArray[np.float64], first: int, last: int) -> float:
+def gap_of(points: Floats, first: int, last: int) -> float:
     """Return the length of the seam's gap; 0 for one too short to matter."""
     gap = distance_of(points, first, last)
     return gap if gap >= SLIVER_MM else 0.0
@@ -55,7 +55,7 @@ def gap_of(points: NDArray[np.float64], first: int, last: int) -> float:
 
 @kernel
 def clip(
-    points: NDArray[np.float64], extrusion: NDArray[np.float64], first: int, at: int, gap: float
+    points: Floats, extrusion: Floats, first: int, at: int, gap: float
 ) -> tuple[int, float, float]:
     """Take `gap` mm off the end of the way from row `first` to row `at`.
 
@@ -116,17 +116,15 @@ def rotate_loop(lines: Polylines, c: int, entry: int, out: Rotated, at: int) -> 
 
 
 @kernel
-def exit_of(points: NDArray[np.float64], row: int, share: float) -> NDArray[np.float64]:
+def exit_of(points: Floats, row: int, share: float) -> Floats:
     """Return the point `share` of a segment before its end, to a micrometre as in a file."""
     point = points[row] + share * (points[row - 1] - points[row])
-    rounded: NDArray[np.float64] = np.floor(point * 1e3 + 0.5) / 1e3
+    rounded: Floats = np.floor(point * 1e3 + 0.5) / 1e3
     return rounded
 
 
 @kernel
-def rotate_loops(
-    lines: Polylines, entry: NDArray[np.int32], out: Rotated, out_offsets: NDArray[np.int64]
-) -> None:
+def rotate_loops(lines: Polylines, entry: Int32s, out: Rotated, out_offsets: Ints) -> None:
     """Write every contour entered at its vertex `entry[c]`; mutates `out` and `out_offsets`."""
     at = 0
     for c in range(len(entry)):
@@ -136,12 +134,7 @@ def rotate_loops(
 
 
 @kernel
-def exit_points(
-    lines: Polylines,
-    contour: NDArray[np.int32],
-    vertex: NDArray[np.int32],
-    out: NDArray[np.float64],
-) -> None:
+def exit_points(lines: Polylines, contour: Int32s, vertex: Int32s, out: Floats) -> None:
     """Write where each contour ends if entered at that vertex; mutates `out` (k, 3)."""
     points, offsets = lines.points, lines.offsets
     for i in range(len(contour)):
@@ -155,7 +148,7 @@ def exit_points(
 
 
 @kernel
-def entries_allowed(lines: Polylines, movable: NDArray[np.bool_], out: NDArray[np.bool_]) -> None:
+def entries_allowed(lines: Polylines, movable: Flags, out: Flags) -> None:
     """Tell for each row whether its contour may be entered there; mutates `out` (n_points,).
 
     Every contour may be entered as sliced, at its first row. Elsewhere a movable

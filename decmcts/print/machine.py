@@ -26,8 +26,8 @@ from string import Formatter
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.print.brief import brief
 
 FIELDS = ("number", "head", "count", "level")
@@ -140,7 +140,7 @@ class Slice:
     """
 
     height_mm: float
-    polygons: tuple[NDArray[np.float64], ...]  # each (k, 2)
+    polygons: tuple[Floats, ...]  # each (k, 2)
 
     __repr__ = brief("height_mm", "polygons")
 
@@ -267,7 +267,7 @@ class Machine:
         return replace(self, heads=(lone,), rails=(), limits=self.limits_of(head))
 
 
-def line_of(stands: Stands) -> NDArray[np.float64]:
+def line_of(stands: Stands) -> Floats:
     """Return the line on which something stands, (k, 3); one point: exactly there."""
     return np.atleast_2d(np.asarray(stands, np.float64))
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.errors import InputError
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Head, Machine
@@ -44,9 +45,7 @@ def refuse_unknown_head(option: str, text: str, name: str, machine: Machine) -> 
         )
 
 
-def _check_size(
-    contours: Contours, low: NDArray[np.float64], high: NDArray[np.float64], machine: Machine
-) -> None:
+def _check_size(contours: Contours, low: Floats, high: Floats, machine: Machine) -> None:
     printed = contours.role != Role.CUSTOM
     if not printed.any():
         return
@@ -66,7 +65,7 @@ def _check_size(
 def require_printable(
     contours: Contours,
     machine: Machine,
-    able: NDArray[np.bool_],
+    able: Flags,
     *,
     live: Sequence[int] | None = None,
 ) -> None:
@@ -128,14 +127,14 @@ def _reason(
     )
 
 
-def _reaches(head: Head, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _reaches(head: Head, low: Floats, high: Floats) -> Flags:
     inside = (low >= np.array(head.reach_min) - _TOLERANCE_MM) & (
         high <= np.array(head.reach_max) + _TOLERANCE_MM
     )
     return np.asarray(inside.all(axis=1))
 
 
-def _has_tool(head: Head, tool: NDArray[np.int16]) -> NDArray[np.bool_]:
+def _has_tool(head: Head, tool: NDArray[np.int16]) -> Flags:
     if not head.tools:
         return np.ones(len(tool), np.bool_)
     return np.isin(tool, head.tools)

@@ -10,14 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print import motion_kernels as kernels
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +25,9 @@ class Program:
     points: Floats  # (m + 1, 3) mm
     filament: Floats  # (m,) mm pushed
     feed: Floats  # (m,) mm/s; 0: takes no time
-    row: NDArray[np.int32]  # (m,) row of `limits`
+    row: Int32s  # (m,) row of `limits`
     limits: Floats  # (k, N_LIMITS) as `limit_row` makes them
-    rest: NDArray[np.bool_]  # (m,) the head stands still before the move
+    rest: Flags  # (m,) the head stands still before the move
 
     def seconds(self) -> Floats:
         """Return the seconds of each move, (m,); linear in their number."""
@@ -61,7 +59,7 @@ def limits_of(row: Floats) -> MotionLimits:
     )
 
 
-def limit_rows(limits: MotionLimits, acceleration: Floats) -> tuple[Floats, NDArray[np.int32]]:
+def limit_rows(limits: MotionLimits, acceleration: Floats) -> tuple[Floats, Int32s]:
     """Return one row of limits per different printing acceleration, and the row of each entry.
 
     Row 0 is `limits` as they are; entries that are NaN have it.
@@ -102,9 +100,7 @@ def segment_times(
     )
 
 
-def path_times(
-    points: Floats, offsets: NDArray[np.int64], feed: Floats, limits: MotionLimits
-) -> Floats:
+def path_times(points: Floats, offsets: Ints, feed: Floats, limits: MotionLimits) -> Floats:
     """Return the seconds of each travel points[offsets[i]:offsets[i + 1]], rest to rest, (n,).
 
     Parameters
@@ -121,7 +117,7 @@ def path_times(
 
 def _polylines(
     points: Floats,
-    offsets: NDArray[np.int64],
+    offsets: Ints,
     feed: Floats,
     filament: Floats,
     limits: MotionLimits,

@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s
 from decmcts.compiled import kernel
 
 # Columns of a row of limits; the first three are four wide: x, y, z, e.
@@ -44,9 +44,7 @@ def trapezoid_time(
 
 
 @kernel
-def shape_move(
-    step: NDArray[np.float64], feed: float, limits: NDArray[np.float64], unit: NDArray[np.float64]
-) -> Any:
+def shape_move(step: Floats, feed: float, limits: Floats, unit: Floats) -> Any:
     """Return (length, top speed, acceleration) of a move; writes its direction to `unit`, (4,).
 
     The length is that in space, or of the filament where nothing else moves.
@@ -69,7 +67,7 @@ def shape_move(
 
 
 @kernel
-def stop_speed(unit: NDArray[np.float64], top: float, limits: NDArray[np.float64]) -> float:
+def stop_speed(unit: Floats, top: float, limits: Floats) -> float:
     """Speed at which a move may begin from, and end at, rest."""
     if limits[DEVIATION] > 0.0:
         return 0.0
@@ -80,13 +78,7 @@ def stop_speed(unit: NDArray[np.float64], top: float, limits: NDArray[np.float64
 
 
 @kernel
-def corner_speed(
-    before: NDArray[np.float64],
-    after: NDArray[np.float64],
-    top: float,
-    rate: float,
-    limits: NDArray[np.float64],
-) -> float:
+def corner_speed(before: Floats, after: Floats, top: float, rate: float, limits: Floats) -> float:
     """Speed at which direction `before` may become `after`, at most `top`."""
     if limits[DEVIATION] > 0.0:
         return _deviating(before, after, top, rate * limits[DEVIATION])
@@ -100,9 +92,7 @@ def corner_speed(
 
 
 @kernel
-def _deviating(
-    before: NDArray[np.float64], after: NDArray[np.float64], top: float, reach: float
-) -> float:
+def _deviating(before: Floats, after: Floats, top: float, reach: float) -> float:
     """Corner speed by junction deviation; `reach` is acceleration times deviation."""
     moved, moves, cosine = 0.0, 0.0, 0.0
     for axis in range(3):
@@ -121,8 +111,8 @@ def _deviating(
 
 @kernel
 def join_blocks(
-    blocks: NDArray[np.float64], n: int, before: NDArray[np.float64], after: NDArray[np.float64],
-    stop: float, stopped: float, limits: NDArray[np.float64],
+    blocks: Floats, n: int, before: Floats, after: Floats,
+    stop: float, stopped: float, limits: Floats,
 ) -> None:  # fmt: skip
     """Set the speed between block n - 1 and block n in place.
 
@@ -140,7 +130,7 @@ def join_blocks(
 
 
 @kernel
-def sweep_speeds(blocks: NDArray[np.float64], n: int) -> None:
+def sweep_speeds(blocks: Floats, n: int) -> None:
     """Lower the speeds between blocks, in place, to what braking and ramps allow."""
     for i in range(n - 1, -1, -1):
         if i + 1 < n and blocks[i + 1, LINKED] > 0.0:
@@ -158,13 +148,13 @@ def sweep_speeds(blocks: NDArray[np.float64], n: int) -> None:
 
 @kernel
 def program_times(
-    points: NDArray[np.float64],
-    filament: NDArray[np.float64],
-    feed: NDArray[np.float64],
-    row: NDArray[np.int32],
-    limits: NDArray[np.float64],
-    rest: NDArray[np.bool_],
-) -> NDArray[np.float64]:
+    points: Floats,
+    filament: Floats,
+    feed: Floats,
+    row: Int32s,
+    limits: Floats,
+    rest: Flags,
+) -> Floats:
     """Time of each move of a program, (m,).
 
     Move i goes from points[i] to points[i + 1] pushing `filament[i]` mm at

@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.brief import brief
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Fenced, Machine
@@ -54,25 +55,25 @@ class HeadActions:
 
     head: str
     kind: NDArray[np.int8]  # (k,) ActionKind
-    contour: NDArray[np.int32]  # (k,) contour id or NO_CONTOUR
-    reversed: NDArray[np.bool_]  # (k,)
-    entry: NDArray[np.int32]  # (k,) entry vertex of a closed contour
-    path_offsets: NDArray[np.int64]  # (k + 1,)
-    path: NDArray[np.float64]  # (path_offsets[-1], 3)
-    begin_s: NDArray[np.float64]  # (k,) nominal, seconds
-    end_s: NDArray[np.float64]  # (k,)
-    after_offsets: NDArray[np.int64]  # (k + 1,) rows of after_head / after_action
-    after_head: NDArray[np.int32]  # (m,) index of another head in the plan
-    after_action: NDArray[np.int32]  # (m,) its action that is waited for,
-    after_point: NDArray[np.int32]  # (m,) the vertex of it that must be passed, or ACTION_END
-    after_lag_s: NDArray[np.float64]  # (m,) and seconds that must pass after that
+    contour: Int32s  # (k,) contour id or NO_CONTOUR
+    reversed: Flags  # (k,)
+    entry: Int32s  # (k,) entry vertex of a closed contour
+    path_offsets: Ints  # (k + 1,)
+    path: Floats  # (path_offsets[-1], 3)
+    begin_s: Floats  # (k,) nominal, seconds
+    end_s: Floats  # (k,)
+    after_offsets: Ints  # (k + 1,) rows of after_head / after_action
+    after_head: Int32s  # (m,) index of another head in the plan
+    after_action: Int32s  # (m,) its action that is waited for,
+    after_point: Int32s  # (m,) the vertex of it that must be passed, or ACTION_END
+    after_lag_s: Floats  # (m,) and seconds that must pass after that
 
     __repr__ = brief("head", "kind", "end_s")
 
     def __len__(self) -> int:
         return len(self.kind)
 
-    def action_path(self, action: int) -> NDArray[np.float64]:
+    def action_path(self, action: int) -> Floats:
         """Polyline of one action, (k, 3)."""
         return self.path[self.path_offsets[action] : self.path_offsets[action + 1]]
 
@@ -90,7 +91,7 @@ class HeadActions:
         return list(map(After, *(column[rows].tolist() for column in columns)))
 
 
-def end_edges(m: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def end_edges(m: int) -> tuple[Int32s, Floats]:
     """Return `after_point` and `after_lag_s` of m edges that wait for ends, without lags."""
     return np.full(m, ACTION_END, np.int32), np.zeros(m)
 
@@ -109,13 +110,13 @@ class JointPlan:
         return max((float(h.end_s[-1]) for h in self.heads if len(h)), default=0.0)
 
     @property
-    def assignments(self) -> NDArray[np.int32]:
+    def assignments(self) -> Int32s:
         """Place in `heads` of the head that prints each contour, (n,)."""
         prints = [np.full(len(h), k, np.int32) for k, h in enumerate(self.heads)]
         return self._by_contour(prints)
 
     @property
-    def schedule(self) -> NDArray[np.float64]:
+    def schedule(self) -> Floats:
         """When each contour begins and ends, (n, 2) s since the print began."""
         return self._by_contour([np.stack([h.begin_s, h.end_s], axis=1) for h in self.heads])
 
@@ -151,12 +152,12 @@ class PlanDocument:
     problem: str  # digest of contours, precedence and machine
     machine: Machine
     contours: Contours
-    precedence: NDArray[np.int32]  # (m, 2) pairs (a, b): a ends before b begins
+    precedence: Int32s  # (m, 2) pairs (a, b): a ends before b begins
     plan: JointPlan
     metrics: Metrics
     min_layer_time_s: float = 0.0  # no spot is printed over sooner, or than in source order
     rules: OrderRules | None = None  # None: it does not say
-    acceleration: NDArray[np.float64] | None = None
+    acceleration: Floats | None = None
     # (n_points,) mm/s² set for the segment ending at each point of the contours; 0: the head's
     # own; None: it does not say
     printed: Contours | None = None  # what stands on the bed before the plan begins

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.errors import InputError
 from decmcts.print.machine import Point
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
@@ -46,7 +46,7 @@ class PrintState:
     """What is printed of a plan, and where its heads are."""
 
     heads: tuple[HeadState, ...]  # in the order of the plan
-    done: NDArray[np.bool_]  # (n,) contours of the plan that are printed
+    done: Flags  # (n,) contours of the plan that are printed
     broken: tuple[tuple[int, int], ...] = ()  # head and action of beads that were broken off
 
     @property
@@ -97,7 +97,7 @@ def state_of_height(document: PlanDocument, height_mm: float) -> PrintState:
     return _printed_state(document, top <= height_mm + NEAR_MM)
 
 
-def _printed_state(document: PlanDocument, done: NDArray[np.bool_]) -> PrintState:
+def _printed_state(document: PlanDocument, done: Flags) -> PrintState:
     """Return the state in which these contours are printed, (n,) `done`."""
     heads = tuple(HeadState(head.head, 0) for head in document.plan.heads)
     return _closed(document, PrintState(heads, done))
@@ -242,7 +242,7 @@ def _closed(document: PlanDocument, state: PrintState) -> PrintState:
     return state
 
 
-def rest_of_line(path: NDArray[np.float64], point: int, at: Point) -> tuple[int, float]:
+def rest_of_line(path: Floats, point: int, at: Point) -> tuple[int, float]:
     """Return behind which point of a path a nozzle stopped, and at which share of the segment.
 
     Examples
@@ -258,9 +258,7 @@ def rest_of_line(path: NDArray[np.float64], point: int, at: Point) -> tuple[int,
     return point, min(max(share, 0.0), 1.0)
 
 
-def nearest_on_segment(
-    a: NDArray[np.float64], b: NDArray[np.float64], at: Point
-) -> tuple[float, Point]:
+def nearest_on_segment(a: Floats, b: Floats, at: Point) -> tuple[float, Point]:
     """Return how far a place is from a segment, mm, and the point of it that is nearest.
 
     Examples
@@ -273,12 +271,12 @@ def nearest_on_segment(
     return float(np.linalg.norm(np.subtract(at, (x, y, z)))), (x, y, z)
 
 
-def length_of(path: NDArray[np.float64]) -> float:
+def length_of(path: Floats) -> float:
     """Return the length of a polyline, mm."""
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(path)))
 
 
-def whereabouts(state: HeadState, actions: HeadActions, park: Point) -> NDArray[np.float64]:
+def whereabouts(state: HeadState, actions: HeadActions, park: Point) -> Floats:
     """Return a line on which a nozzle stands somewhere, (k, 3) mm; one point: exactly there.
 
     A head that was at an action when it was seen last may have gone on to its end; behind an
@@ -324,9 +322,7 @@ def happened(document: PlanDocument, log: EventLog) -> PlanDocument:
     return replace(document, plan=plan, metrics={"makespan_s": plan.makespan_s})
 
 
-def _times(
-    actions: HeadActions, log: EventLog, h: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _times(actions: HeadActions, log: EventLog, h: int) -> tuple[Floats, Floats]:
     """Return when the actions of a head began and ended, up to the last that ended, (k,) each."""
     begin, end = np.full(len(actions), np.nan), np.full(len(actions), np.nan)
     for event in log.events:
@@ -345,12 +341,7 @@ def _times(
     return begin, np.maximum(end, begin)
 
 
-def _first(
-    actions: HeadActions,
-    begin: NDArray[np.float64],
-    end: NDArray[np.float64],
-    counts: NDArray[np.int64],
-) -> HeadActions:
+def _first(actions: HeadActions, begin: Floats, end: Floats, counts: Ints) -> HeadActions:
     """Return a head's first actions at these times; `counts` says how many each head has."""
     k = len(begin)
     rows, points = int(actions.after_offsets[k]), int(actions.path_offsets[k])

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.loops import allowed_entries, exits_of, movable
 from decmcts.print.seam_kernels import EnteredLoops, align, sharpest, spread
@@ -28,10 +28,10 @@ class SeamEntries:
     A contour that may not be entered elsewhere has 0 alone: as sliced.
     """
 
-    offsets: NDArray[np.int64]  # (n + 1,)
-    vertices: NDArray[np.int32]  # (m,) numbers of points within the contour, from 0
+    offsets: Ints  # (n + 1,)
+    vertices: Int32s  # (m,) numbers of points within the contour, from 0
 
-    def contour(self) -> NDArray[np.int32]:
+    def contour(self) -> Int32s:
         """Return the contour of each vertex, (m,)."""
         n = len(self.offsets) - 1
         return np.repeat(np.arange(n, dtype=np.int32), np.diff(self.offsets))
@@ -75,17 +75,17 @@ def seam_entries(contours: Contours, policy: SeamPolicy = "nearest") -> SeamEntr
     )
 
 
-def entry_points(contours: Contours, entries: SeamEntries) -> NDArray[np.float64]:
+def entry_points(contours: Contours, entries: SeamEntries) -> Floats:
     """Return where the nozzle enters at each vertex, (m, 3)."""
     return np.asarray(contours.points[contours.offsets[entries.contour()] + entries.vertices])
 
 
-def exit_points(contours: Contours, entries: SeamEntries) -> NDArray[np.float64]:
+def exit_points(contours: Contours, entries: SeamEntries) -> Floats:
     """Return where a contour entered at each vertex ends, (m, 3): a seam's gap before it."""
     return exits_of(contours, entries.contour(), entries.vertices)
 
 
-def _one_each(contours: Contours, loops: EnteredLoops, policy: SeamPolicy) -> NDArray[np.int32]:
+def _one_each(contours: Contours, loops: EnteredLoops, policy: SeamPolicy) -> Int32s:
     """Return the one vertex a policy names for each contour, (n,)."""
     vertices = np.zeros(len(contours), np.int32)
     if policy == "rear":

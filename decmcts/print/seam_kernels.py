@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.print.loops_kernels import distance_of
 
@@ -21,14 +22,14 @@ STEP_RAD = np.pi / 36  # corners this much alike are equally sharp
 class EnteredLoops(NamedTuple):
     """A print's contours, and where each may be entered."""
 
-    points: NDArray[np.float64]  # (n_points, 3) mm
-    offsets: NDArray[np.int64]  # (n + 1,)
-    allowed: NDArray[np.bool_]  # (n_points,)
+    points: Floats  # (n_points, 3) mm
+    offsets: Ints  # (n + 1,)
+    allowed: Flags  # (n_points,)
 
 
 @kernel
 def along_loop(
-    points: NDArray[np.float64], first: int, last: int, at: int, step: int, arm_mm: float
+    points: Floats, first: int, last: int, at: int, step: int, arm_mm: float
 ) -> tuple[float, float]:
     """Return the point of a loop `arm_mm` behind (step -1) or ahead (1) of a row, x and y."""
     x, y, row, left = points[at, 0], points[at, 1], at, arm_mm
@@ -50,7 +51,7 @@ def along_loop(
 
 
 @kernel
-def turn_at(points: NDArray[np.float64], first: int, last: int, at: int, arm_mm: float) -> float:
+def turn_at(points: Floats, first: int, last: int, at: int, arm_mm: float) -> float:
     """Return by how much a loop turns within `arm_mm` of a row, rad, positive to the left."""
     x0, y0 = along_loop(points, first, last, at, -1, arm_mm)
     x1, y1 = along_loop(points, first, last, at, 1, arm_mm)
@@ -60,7 +61,7 @@ def turn_at(points: NDArray[np.float64], first: int, last: int, at: int, arm_mm:
 
 
 @kernel
-def sharpest(loops: EnteredLoops, width: NDArray[np.float64], out: NDArray[np.int32]) -> None:
+def sharpest(loops: EnteredLoops, width: Floats, out: Int32s) -> None:
     """Write each contour's sharpest allowed corner, one to the right first; mutates `out` (n,).
 
     Slicers print with the material at the left, so a turn to the right is a
@@ -89,12 +90,12 @@ def sharpest(loops: EnteredLoops, width: NDArray[np.float64], out: NDArray[np.in
 @kernel
 def align(
     loops: EnteredLoops,
-    movable: NDArray[np.bool_],
+    movable: Flags,
     role: NDArray[np.int8],
-    layers: NDArray[np.int64],
-    order: NDArray[np.int64],
-    boxes: NDArray[np.float64],
-    out: NDArray[np.int32],
+    layers: Ints,
+    order: Ints,
+    boxes: Floats,
+    out: Int32s,
 ) -> None:
     """Move each seam to the vertex nearest to the seam of the loop below; mutates `out` (n,).
 
@@ -137,9 +138,7 @@ def nearest_row(loops: EnteredLoops, contour: int, to: int) -> int:
 
 
 @kernel
-def spread(
-    loops: EnteredLoops, width: NDArray[np.float64], most: int, out: NDArray[np.bool_]
-) -> None:
+def spread(loops: EnteredLoops, width: Floats, most: int, out: Flags) -> None:
     """Choose at most `most` rows of each contour: the first, corners, others evenly; mutates `out`.
 
     A quarter of the places is for the sharpest corners.

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
@@ -120,7 +120,7 @@ def signals_of(plan: JointPlan, job: PrintJob, interval_s: float) -> Signals:
     return Signals(found, frozenset(apart))
 
 
-def _clock(job: PrintJob, head: HeadActions) -> NDArray[np.float64]:
+def _clock(job: PrintJob, head: HeadActions) -> Floats:
     """Return the least seconds until a head has come to each point of its paths, (n,)."""
     prints, c = head.kind == ActionKind.PRINT, job.contours
     fastest = np.full(
@@ -138,7 +138,7 @@ def _clock(job: PrintJob, head: HeadActions) -> NDArray[np.float64]:
 
 
 def _spread(
-    points: list[int], clock: NDArray[np.float64], given_s: float, interval_s: float
+    points: list[int], clock: Floats, given_s: float, interval_s: float
 ) -> tuple[list[int], dict[int, int]]:
     """Return the points of an action that are signalled, and for each point that which is its.
 

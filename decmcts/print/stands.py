@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Idle, Practice
 from decmcts.print.plan import ActionKind, HeadActions
@@ -57,9 +57,7 @@ def practice_of(
     return practice, settings
 
 
-def stands_of(
-    actions: HeadActions, head: int, epoch: NDArray[np.int32], after_s: float
-) -> dict[int, Stand]:
+def stands_of(actions: HeadActions, head: int, epoch: Int32s, after_s: float) -> dict[int, Stand]:
     """Return where a head stands idle before a bead, by the action; `epoch` is each contour's."""
     prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
     if not len(prints):
@@ -80,7 +78,7 @@ def stands_of(
     return found
 
 
-def primed_before(actions: HeadActions, after_s: float) -> NDArray[np.bool_]:
+def primed_before(actions: HeadActions, after_s: float) -> Flags:
     """Return the actions that lay a bead where the head has laid nothing for so long, (k,)."""
     prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
     laid_s = np.concatenate([[0.0], np.asarray(actions.end_s)[prints[:-1]]])[: len(prints)]

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.loops import exits_of
 
@@ -26,10 +26,10 @@ class Toolpath:
     planned to begin; conflicting ones keep that order. None: no such plan.
     """
 
-    order: NDArray[np.int32]  # (k,) contour ids in printing order
-    reversed: NDArray[np.bool_]  # (k,) aligned with order
-    entry: NDArray[np.int32]  # (k,) aligned with order: entry vertex
-    turn: NDArray[np.int64] | None = None  # (k,) aligned with order, ascending
+    order: Int32s  # (k,) contour ids in printing order
+    reversed: Flags  # (k,) aligned with order
+    entry: Int32s  # (k,) aligned with order: entry vertex
+    turn: Ints | None = None  # (k,) aligned with order, ascending
 
     def __len__(self) -> int:
         return len(self.order)
@@ -40,7 +40,7 @@ class Toolpath:
         return Toolpath(np.arange(n, dtype=np.int32), np.zeros(n, np.bool_), np.zeros(n, np.int32))
 
     @staticmethod
-    def of(order: NDArray[np.int32], reversed_: NDArray[np.bool_]) -> Toolpath:
+    def of(order: Int32s, reversed_: Flags) -> Toolpath:
         """Return a toolpath entered at the sliced ends."""
         return Toolpath(
             np.ascontiguousarray(order, np.int32),
@@ -49,7 +49,7 @@ class Toolpath:
         )
 
 
-def entries_by_contour(toolpaths: Sequence[Toolpath], n: int) -> NDArray[np.int32]:
+def entries_by_contour(toolpaths: Sequence[Toolpath], n: int) -> Int32s:
     """Return the entry vertex of each of `n` contours, 0 for those in no toolpath, (n,)."""
     entry = np.zeros(n, np.int32)
     for toolpath in toolpaths:
@@ -57,9 +57,7 @@ def entries_by_contour(toolpaths: Sequence[Toolpath], n: int) -> NDArray[np.int3
     return entry
 
 
-def endpoints(
-    contours: Contours, toolpath: Toolpath
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def endpoints(contours: Contours, toolpath: Toolpath) -> tuple[Floats, Floats]:
     """Return entry and exit points, each (k, 3), aligned with the order."""
     first, last = contours.start[toolpath.order], contours.end[toolpath.order]
     seam = toolpath.entry > 0

@@ -15,8 +15,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.walls_kernels import (
@@ -63,7 +63,7 @@ def walls_for(job: PrintJob) -> Walls:
     return outer_walls(job.contours) if job.settings.bare_inside_mm > 0.0 else no_walls()
 
 
-def _gridded(segments: NDArray[np.float64], height: NDArray[np.float64]) -> Walls:
+def _gridded(segments: Floats, height: Floats) -> Walls:
     rounded = np.round(height, 6)
     z, layer = np.unique(rounded, return_inverse=True)
     layer = np.asarray(layer, np.int64).ravel()
@@ -91,11 +91,11 @@ def _gridded(segments: NDArray[np.float64], height: NDArray[np.float64]) -> Wall
 def bare_pairs(
     walls: Walls,
     longest_mm: float,
-    starts: NDArray[np.float64],
-    goals: NDArray[np.float64],
+    starts: Floats,
+    goals: Floats,
     *,
     climb_mm: float = 0.0,
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Return which travels (n, 3) to (n, 3) stay bare inside the part, straight as seen from above.
 
     Those that climb, by at most `climb_mm`, are inside if they are on the layers of both ends.
@@ -106,12 +106,7 @@ def bare_pairs(
     return np.asarray(bare_travels(walls, longest_mm, climb_mm, start, goal))
 
 
-def retracted_paths(
-    walls: Walls,
-    settings: ProcessSettings,
-    path: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-) -> NDArray[np.bool_]:
+def retracted_paths(walls: Walls, settings: ProcessSettings, path: Floats, offsets: Ints) -> Flags:
     """Return which of the travels path[offsets[i]:offsets[i + 1]] are retracted, (n,).
 
     One that is lifted above both its ends is retracted from the source's least length up.
@@ -138,13 +133,7 @@ def retracted_paths(
     return np.asarray(due)
 
 
-def _bare_ways(
-    walls: Walls,
-    longest_mm: float,
-    path: NDArray[np.float64],
-    begin: NDArray[np.int64],
-    end: NDArray[np.int64],
-) -> NDArray[np.bool_]:
+def _bare_ways(walls: Walls, longest_mm: float, path: Floats, begin: Ints, end: Ints) -> Flags:
     """Return which ways path[begin[i]:end[i]] are level and stay inside the part leg by leg."""
     legs = end - begin - 1
     if not len(legs):
@@ -156,9 +145,7 @@ def _bare_ways(
     return np.asarray(np.logical_and.reduceat(inside, first))
 
 
-def _upright(
-    start: NDArray[np.float64], corner: NDArray[np.float64], goal: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _upright(start: Floats, corner: Floats, goal: Floats) -> Flags:
     """Return which ways of three corners, (n, 3) each, climb straight up, then go level."""
     level = corner[:, 2] == goal[:, 2]
     return np.asarray(level & (start[:, :2] == corner[:, :2]).all(axis=1))

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.compiled import kernel
 
 END_MM = 0.05  # of a travel at both ends that may touch a wall: its ends may lie on one
@@ -21,7 +21,7 @@ SAME_Z_MM = 1e-6
 # cell size, layers, where the starts of cells and where the segments begin; six numbers a
 # layer, ascending in z; a start for each cell and one more; x0, y0, x1, y1 of each segment,
 # once for every cell it touches. Cell (i, j) of a layer is its first + j * columns + i.
-Walls = NDArray[np.float64]
+Walls = Floats
 CELL, LAYERS, STARTS, SEGMENTS, HEAD = range(5)
 Z, X0, Y0, COLUMNS, ROWS, FIRST, PER_LAYER = range(7)
 
@@ -155,9 +155,9 @@ def bare_travels(
     walls: Walls,
     longest: float,
     climb: float,
-    starts: NDArray[np.float64],
-    goals: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+    starts: Floats,
+    goals: Floats,
+) -> Flags:
     """Return for each travel from starts to goals, (n, 3) each, whether it stays bare."""
     found = np.zeros(len(starts), np.bool_)
     for t in range(len(starts)):
@@ -175,9 +175,7 @@ def over_either(walls: Walls, ka: int, kb: int, ax: float, ay: float, bx: float,
 
 
 @kernel
-def over_walls(
-    walls: Walls, starts: NDArray[np.float64], goals: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def over_walls(walls: Walls, starts: Floats, goals: Floats) -> Flags:
     """Return for each travel whether it leads over a wall of the layer of either end, (n,)."""
     found = np.zeros(len(starts), np.bool_)
     for t in range(len(starts)):
@@ -188,13 +186,7 @@ def over_walls(
 
 
 @kernel
-def list_cells(
-    segments: NDArray[np.float64],
-    layer: NDArray[np.int64],
-    walls: Walls,
-    counts: NDArray[np.int64],
-    fill: bool,
-) -> None:
+def list_cells(segments: Floats, layer: Ints, walls: Walls, counts: Ints, fill: bool) -> None:
     """Count the segments (s, 4) of each cell, or list them (mutates counts, and walls).
 
     Cell c lists its next one at place counts[c].

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.baselines.local import Layerwise, Local
 from decmcts.search.baselines.mcts import Mcts
@@ -71,7 +71,7 @@ class SearchResult:
     source_cost: float  # of the travels of the source
     unit: str  # "mm", "s", or "" for bare costs
     iterations: int
-    history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
+    history: Floats  # (k, 3) seconds, iterations, cost at each improvement
     planner: str
     seed: int
     bound: float | None = None  # no sequence of the problem costs less, if known

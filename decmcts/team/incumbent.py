@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.arrays import Int32s
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.incumbent import whole_order
@@ -87,20 +87,20 @@ class TeamIncumbent:
     @checked
     def offer_order(
         self,
-        order: NDArray[np.int32],
-        head: NDArray[np.int32],
-        reversed: NDArray[np.int32] | None = None,  # noqa: A002 - the project's word
+        order: Int32s,
+        head: Int32s,
+        reversed: Int32s | None = None,  # noqa: A002 - the project's word
     ) -> float:
         """Keep a joint order if it is the best, and return its makespan by the engine, s.
 
         Parameters
         ----------
-        order : NDArray[np.int32]
+        order : Int32s
             (n,) contours; where two heads want the same space, the first in this order goes
             first.
-        head : NDArray[np.int32]
+        head : Int32s
             (n,) which head prints each of them.
-        reversed : NDArray[np.int32] | None
+        reversed : Int32s | None
             (n,) 1 for those printed from their last point; None: none is.
 
         Returns

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.document import NO_ARC, Arcs
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from sim.arrays import Flags, Floats, Ints
 from sim.content.inventory import NO_MATCH, altered
 from sim.faults import Fault, FaultKind, listed
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours
-from sim.arrays import Flags, Floats, Ints
 from sim.faults import LIMIT, Fault, FaultKind, listed, listed_rows
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.arrays import Flags, Floats, Ints
+from decmcts.arrays import Flags, Floats, Ints
 
 ROUNDING_MM = 1e-3  # of filament
 FLOW_MM = 0.2  # a restart may push so much more than was retracted,

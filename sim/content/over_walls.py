@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.arrays import Floats, Ints
 
 OUTER = (Role.EXTERNAL_PERIMETER, Role.OVERHANG_PERIMETER)
 SAME_Z_MM = 1e-6

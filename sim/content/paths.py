@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Moved, run_of
 from sim.faults import Fault, FaultKind, listed
 

@@ -18,14 +18,13 @@ from itertools import pairwise
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.content.arcs import arcs_of_parts
 from sim.content.over_walls import crossed_by
 from sim.faults import Fault, FaultKind, listed
@@ -63,7 +62,7 @@ def beginnings(pieces: Contours) -> Ints:
     return np.asarray(np.unique(pieces.sources, return_index=True)[1], np.int64)
 
 
-def epochs_of_source(pieces: Contours) -> NDArray[np.int32]:
+def epochs_of_source(pieces: Contours) -> Int32s:
     """Return the epoch of each contour of the source, as its pieces have it."""
     return pieces.epoch[beginnings(pieces)]
 

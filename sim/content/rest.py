@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours, joined
 from decmcts.print.plan import PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.content.inventory import (
     E_TOLERANCE_MM,
     FEED_TOLERANCE_MM_S,

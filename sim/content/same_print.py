@@ -11,10 +11,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.contours import PER_CONTOUR, Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Fenced, Head, Machine, MotionLimits
-from sim.arrays import Floats, Ints
 from sim.content.inventory import NO_MATCH, Segments
 from sim.faults import Fault, FaultKind, listed
 

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Floats, Ints
 from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.arrays import Floats, Ints
 
 SAME_MM = 1.1e-3  # points nearer than this are one point: files keep three decimals
 CLOSED_MM = 2e-3  # a gap shorter than this is none

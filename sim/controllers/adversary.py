@@ -12,8 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.machine import Head, Machine
-from sim.arrays import Floats, Ints
 from sim.controllers.carry_out import HeadRun, Run
 from sim.controllers.compiled import compiled
 from sim.controllers.nearness import Shape, gap_between, rail_rows, shape_of, slack_between

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.brief import brief
-from sim.arrays import Floats, Ints
 from sim.controllers.compiled import compiled
 from sim.controllers.program import HeadProgram, StopKind, Stops
 from sim.controllers.timing import Error

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.machine import Point
 from decmcts.print.plan import HeadActions, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, PrintEvent
-from sim.arrays import Flags, Floats, Ints
 from sim.controllers.from_plan import HAIR_S, program_of_head
 from sim.controllers.motion import QUEUE, Profile, profile_of
 from sim.controllers.nearness import Course, positions

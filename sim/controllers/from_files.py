@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from decmcts.arrays import Ints
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.duration import dwell_seconds, file_program
 from decmcts.formats.gcode.controller.limits import state_limits, stated_limits
@@ -19,7 +20,6 @@ from decmcts.formats.gcode.dialects.dialect import is_layer_comment
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import limits_of
 from decmcts.print.motion_kernels import FACTOR
-from sim.arrays import Ints
 from sim.controllers.program import (
     AMBIENT_C,
     HeadProgram,

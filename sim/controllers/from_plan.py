@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
 from decmcts.print.signals import places_of
-from sim.arrays import Floats, Ints
 from sim.content.seams import laid_by
 from sim.controllers.motion import QUEUE, profile_of
 from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.brief import brief
-from sim.arrays import Flags, Floats, Ints
 from sim.controllers.compiled import compiled
 from sim.controllers.program import HeadProgram
 

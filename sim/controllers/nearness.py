@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.machine import Head, Machine, Point
-from sim.arrays import Flags, Floats, Ints
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.compiled import compiled
 from sim.controllers.motion import Profile

@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.plan import ActionKind, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.controllers.carry_out import HeadRun
 from sim.controllers.nearness import shape_of
 from sim.controllers.print_search import COLUMNS, Moves, Prisms, bare, go_through

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.arrays import Flags, Floats, Ints
+from decmcts.arrays import Flags, Floats, Ints
 from sim.controllers.compiled import compiled
 from sim.controllers.nearness import polygon_gap
 

@@ -16,9 +16,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.brief import brief
 from decmcts.print.machine import HEAT_C_S, MotionLimits, Point
-from sim.arrays import Flags, Floats, Ints
 from sim.heads.heat import degrees_of
 
 AMBIENT_C = 25.0

@@ -12,11 +12,11 @@ from functools import partial
 
 import numpy as np
 
+from decmcts.arrays import Floats
 from decmcts.print.brief import brief
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.print.print_events import EventKind, EventLog, PrintEvent
-from sim.arrays import Floats
 from sim.controllers.adversary import adversaries
 from sim.controllers.carry_out import Run, carry_out
 from sim.controllers.motion import QUEUE, Profile, profile_of

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from sim.arrays import Floats
+from decmcts.arrays import Floats
 from sim.controllers.program import HeadProgram
 
 LEAST_FACTOR = 0.2  # of the due time, whatever is drawn

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.print.job import PrintJob
-from sim.arrays import Floats, Ints
 from sim.files.commands import command_in
 
 ALIKE_MM = 2e-3  # of filament; what differs less is alike: files round off

@@ -25,11 +25,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Ints
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
 from decmcts.formats.gcode.document import SILENT, Block
 from decmcts.formats.gcode.text.lines import command_of
-from sim.arrays import Flags, Ints
 from sim.faults import Fault, FaultKind, listed
 
 LONGEST_DWELL_S = 600.0  # no layer time asks for more

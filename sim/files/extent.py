@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.formats.gcode import Motions
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import DEFAULT_TRAVEL, ProcessSettings
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.arrays import Flags, Floats, Ints
 from sim.content.inventory import Segments, move_segments
 from sim.content.laid import laying_rows
 from sim.content.paths import SAME_MM, describe

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.formats.gcode import GcodeDocument, Motions
-from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind, listed
 from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from sim.arrays import Flags, Floats, Ints
 from sim.content.arcs import check_arcs, turns_of
 from sim.content.inventory import Segments, compare, match_segments
 from sim.content.same_print import check_print

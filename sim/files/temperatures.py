@@ -21,10 +21,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from decmcts.arrays import Ints
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from sim.arrays import Ints
 from sim.faults import Fault, FaultKind, listed_rows
 from sim.files.commands import codes_of, commands_of, in_force
 

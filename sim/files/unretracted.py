@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.arrays import Flags, Floats, Ints
+from decmcts.arrays import Flags, Floats, Ints
 
 PULLED_MM = 0.01  # of filament that counts as retracted, or more:
 ENOUGH = 0.5  # as this share of the least that the source retracts with that tool

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from decmcts.arrays import Ints
 from decmcts.errors import InputError
 from decmcts.formats.gcode import (
     GcodeDocument,
@@ -34,7 +35,6 @@ from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.arrays import Ints
 from sim.content.inventory import alike_of
 from sim.content.seams import Moved, seams_of_file
 from sim.faults import Fault, FaultKind, Verdict, listed

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
 from decmcts.formats.gcode.document import OwnStart
 from decmcts.print.job import PrintJob
@@ -120,7 +121,7 @@ def _unwalled(
 
 
 def as_planned(
-    epochs: NDArray[np.int32], machine: Machine, job: PrintJob, document: GcodeDocument
+    epochs: Int32s, machine: Machine, job: PrintJob, document: GcodeDocument
 ) -> SourcePrint:
     """Return a source as a plan with these epochs takes it: with its changes of tools or without.
 

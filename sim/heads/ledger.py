@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.document import Block
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from sim.arrays import Floats, Ints
 from sim.content.pieces import beginnings
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.extent import tools_of

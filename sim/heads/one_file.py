@@ -15,11 +15,11 @@ from functools import partial
 
 import numpy as np
 
+from decmcts.arrays import Floats
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob, ProcessSettings
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
-from sim.arrays import Floats
 from sim.content.arcs import check_arcs, turns_between, turns_of_print
 from sim.content.inventory import FEED_TOLERANCE_MM_S
 from sim.faults import Fault, FaultKind, listed

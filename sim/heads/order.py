@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
+from decmcts.arrays import Floats
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, JointPlan
-from sim.arrays import Floats
 from sim.faults import Fault, FaultKind, listed
 from sim.heads.file import HeadFile
 from sim.heads.one_file import Walked

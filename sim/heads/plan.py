@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import (
@@ -27,7 +28,6 @@ from decmcts.print.plan import (
     JointPlan,
     PlanDocument,
 )
-from sim.arrays import Floats, Ints
 from sim.content.inventory import (
     NO_MATCH,
     Segments,

@@ -15,11 +15,11 @@ from itertools import product
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.contours import Contours, taken
 from decmcts.print.machine import Body, Head, Machine
 from decmcts.print.plan import NO_CONTOUR, PlanDocument
-from sim.arrays import Flags, Floats
 from sim.faults import LIMIT, Fault, FaultKind, Verdict
 from sim.replay.material import find_contacts, place_of
 from sim.replay.shapes import Solid, as_material, beads_there, parts_of, separations_between

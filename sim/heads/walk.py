@@ -13,11 +13,11 @@ from functools import cache, partial
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
 from decmcts.print.machine import Practice
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
-from sim.arrays import Flags, Floats, Ints
 from sim.content.seams import Laid, laid_by
 from sim.files.written import states_in_force
 from sim.heads.file import (

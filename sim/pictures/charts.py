@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 
+from decmcts.arrays import Floats
 from decmcts.formats.files.names import in_one_line
 from decmcts.print.figures import change, clock_time, shown
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Floats
 from sim.pictures.canvas import head_colour
 
 BEFORE, AFTER, MOVES = "#d62728", "#1f77b4", "#1a1a1a"

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from scipy.ndimage import maximum_filter
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Floats, Ints
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 from sim.pictures.charts import draw_layers, draw_times, title_lines
 from sim.pictures.layer_travels import (

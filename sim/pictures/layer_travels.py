@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.errors import InputError
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 
 SAME_PLACE_MM = 0.02  # a grid: ends of travels in one cell of it are one place
 
@@ -52,7 +52,7 @@ def both_ends(actions: HeadActions, first: Ints, last: Ints) -> Ints:
     return np.sort((x << 42) + (y << 21) + z, axis=1)
 
 
-def layers_of(document: PlanDocument) -> tuple[NDArray[np.int32], Floats]:
+def layers_of(document: PlanDocument) -> tuple[Int32s, Floats]:
     """Return the numbers of the layers as sliced and the height of each, (n,) and (n,) mm."""
     layers, row = np.unique(document.contours.layer, return_inverse=True)
     top = np.full(len(layers), -np.inf)

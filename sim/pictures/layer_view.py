@@ -17,9 +17,9 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.cut import cuts_of
 from decmcts.print.plan import ActionKind, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.pictures.canvas import TRAVEL, head_colour
 from sim.pictures.layer_travels import Travels
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.transforms import ScaledTranslation
 
+from decmcts.arrays import Floats
 from decmcts.print.machine import Head, Machine, Rail
-from sim.arrays import Floats
 from sim.pictures.canvas import head_colour, save
 from sim.pictures.row_picture import draw_row_above, draw_row_beside, row_of, shortened, write_row
 

@@ -14,8 +14,8 @@ import numpy as np
 import shapely
 from matplotlib.patches import Polygon, Rectangle
 
+from decmcts.arrays import Floats
 from decmcts.print.machine import Head, Machine
-from sim.arrays import Floats
 from sim.pictures.canvas import head_colour
 from sim.replay.heads_near import outermost
 from sim.replay.shapes import Part, parts_of, separations_between

@@ -15,9 +15,9 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions, PlanDocument
-from sim.arrays import Floats, Ints
 from sim.content.paths import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.boxes import near_in_windows

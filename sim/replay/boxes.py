@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.arrays import Floats, Ints
+from decmcts.arrays import Floats, Ints
 from sim.replay.compiled import compiled
 
 BLOCK = 1 << 16

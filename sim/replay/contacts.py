@@ -21,10 +21,10 @@ from functools import partial
 import numpy as np
 import shapely
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind, listed
 from sim.replay.material import Allowed, deepest_contacts
 from sim.replay.near_misses import NearPrint

@@ -15,9 +15,9 @@ from itertools import chain, combinations, product
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.content.paths import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.bodies import TOLERANCE_MM

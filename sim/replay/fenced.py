@@ -13,10 +13,10 @@ from itertools import product
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine, Point, line_of
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.content.paths import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.replay.material import find_contacts

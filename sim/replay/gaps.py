@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.arrays import Floats
+from decmcts.arrays import Floats
 from sim.replay.compiled import compiled
 
 

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions, PlanDocument
-from sim.arrays import Floats, Ints
 from sim.content.paths import Legs
 from sim.faults import Gap
 from sim.replay.bodies import Stations, concurrent

@@ -16,11 +16,11 @@ import math
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats
 from sim.content.seams import laid_by
 from sim.replay.compiled import compiled
 

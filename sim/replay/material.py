@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.machine import Head
-from sim.arrays import Flags, Floats, Ints
 from sim.faults import Fault, FaultKind
 from sim.replay.gaps import meets, room
 from sim.replay.near_misses import (

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.machine import Machine
-from sim.arrays import Floats, Ints
 from sim.faults import Gap
 from sim.replay import raster
 from sim.replay.gaps import room

@@ -19,10 +19,10 @@ from typing import TypeGuard
 
 import numpy as np
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.arrays import Floats, Ints
+from decmcts.arrays import Floats, Ints
 from sim.replay.compiled import compiled
 from sim.replay.gaps import come_nearer, margin_of
 

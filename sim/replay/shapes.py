@@ -15,9 +15,9 @@ import fcl
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
-from sim.arrays import Flags, Floats, Ints
 
 
 @dataclass(frozen=True, slots=True)

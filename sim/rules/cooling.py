@@ -22,10 +22,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules, PlanDocument
-from sim.arrays import Flags, Floats
 from sim.content.paths import Legs
 from sim.faults import Fault, FaultKind, listed
 from sim.rules.order import PartialOrder

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from decmcts.arrays import Ints
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions
-from sim.arrays import Ints
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,11 +17,11 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Floats, Ints
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules, PlanDocument
-from sim.arrays import Floats, Ints
 from sim.content.paths import Legs
 from sim.faults import Fault, FaultKind, listed
 from sim.rules.order import PartialOrder, early

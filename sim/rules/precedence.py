@@ -21,9 +21,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s, Ints
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, OrderRules
-from sim.arrays import Flags, Ints
 from sim.faults import Fault, FaultKind, listed
 from sim.rules.order import PartialOrder, early
 
@@ -72,7 +72,7 @@ def prints_of(n: int, all_actions: tuple[HeadActions, ...], order: PartialOrder)
     return Prints(head, first, last, order.clocks)
 
 
-def check_precedence(pairs: NDArray[np.int32], prints: Prints) -> list[Fault]:
+def check_precedence(pairs: Int32s, prints: Prints) -> list[Fault]:
     """J2: for each pair (a, b) the action of a precedes the action of b, whatever the timing."""
     both = pairs.reshape(-1, 2).astype(np.int64)
     broken = both[~prints.kept(both[:, 0], both[:, 1])]

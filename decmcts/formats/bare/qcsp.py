@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.arrays import Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.fields import Fields, fail, numbers, points, shown
@@ -47,13 +47,13 @@ class QcspProblem:
     """
 
     name: str
-    duration: NDArray[np.float64]  # (n,) of each task, above 0
-    bay: NDArray[np.int32]  # (n,) where it lies, from 1
-    ready: NDArray[np.float64]  # (q,) until then a crane stands at `start`
-    start: NDArray[np.int32]  # (q,) bay at which each crane begins, increasing
+    duration: Floats  # (n,) of each task, above 0
+    bay: Int32s  # (n,) where it lies, from 1
+    ready: Floats  # (q,) until then a crane stands at `start`
+    start: Int32s  # (q,) bay at which each crane begins, increasing
     travel: float  # time a crane takes from one bay to the next, above 0
     spacing: int  # bays from one crane to the next at least, s + 1
-    precedence: NDArray[np.int32]  # (m, 2) rows (i, j): i ends before j begins
+    precedence: Int32s  # (m, 2) rows (i, j): i ends before j begins
 
     __repr__ = brief("name", "duration", "cranes", "travel", "spacing", "precedence")
 
@@ -70,9 +70,9 @@ class QcspProblem:
 class QcspSchedule:
     """Who does which task when, and where every crane is meanwhile."""
 
-    crane: NDArray[np.int32]  # (n,) which crane does each task
-    begin: NDArray[np.float64]  # (n,)
-    paths: tuple[NDArray[np.float64], ...]  # by crane: (k, 2) rows (time, position), k >= 1
+    crane: Int32s  # (n,) which crane does each task
+    begin: Floats  # (n,)
+    paths: tuple[Floats, ...]  # by crane: (k, 2) rows (time, position), k >= 1
     makespan: float  # end of the last task; 0 without tasks
 
     __repr__ = brief("makespan", "crane", "begin")
@@ -189,11 +189,11 @@ def _problem(fields: Fields, name: str) -> QcspProblem:
     )
 
 
-def _row(fields: Fields, key: str) -> NDArray[np.float64]:
+def _row(fields: Fields, key: str) -> Floats:
     return numbers(fields.items(key), fields.at(key), fields.path, least=0.0, most=MOST_TIME)
 
 
-def _bays(fields: Fields, key: str) -> NDArray[np.int32]:
+def _bays(fields: Fields, key: str) -> Int32s:
     bays = fields.items(key)
     for k, bay in enumerate(bays):
         if type(bay) is not int or not 1 <= bay <= MOST_BAYS:
@@ -212,9 +212,7 @@ def _check_lengths(fields: Fields, count: str, sizes: dict[str, int], *, most: i
         fields.fail(count, f"is {shown(fields.values[count])}, {key} has {size} values")
 
 
-def _refuse_crowd(
-    fields: Fields, ready: NDArray[np.float64], start: NDArray[np.int32], spacing: int
-) -> None:
+def _refuse_crowd(fields: Fields, ready: Floats, start: Int32s, spacing: int) -> None:
     """Refuse cranes out of order, and those too near that cannot yet move apart."""
     gaps = np.diff(start)
     if (gaps <= 0).any():
@@ -229,7 +227,7 @@ def _refuse_crowd(
         )
 
 
-def _pairs(fields: Fields, n: int) -> NDArray[np.int32]:
+def _pairs(fields: Fields, n: int) -> Int32s:
     """Return the precedence, counted from 0; raises InputError for a cycle."""
     given = points(fields.items("Phi"), (2,), fields.at("Phi"), fields.path)
     wrong = (given != given.round()) | (given < 1) | (given > n)

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.arrays import Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
@@ -41,8 +41,8 @@ class SopInstance:
     """Costs between nodes and which node must come before which."""
 
     name: str
-    costs: NDArray[np.float64]  # (n, n) from row to column; 0 where there is no such step
-    precedence: NDArray[np.int32]  # (m, 2) rows (a, b): a somewhere before b
+    costs: Floats  # (n, n) from row to column; 0 where there is no such step
+    precedence: Int32s  # (m, 2) rows (a, b): a somewhere before b
 
     __repr__ = brief("name", "costs", "precedence")
 
@@ -80,7 +80,7 @@ def read_sop(path: Path | str) -> SopInstance:
     return _instance(header["NAME"][0] or source.name, _matrix(lines, first, n, source))
 
 
-def tour_text(*, name: str, order: NDArray[np.int32], cost: float) -> bytes:
+def tour_text(*, name: str, order: Int32s, cost: float) -> bytes:
     """Return a tour as a file (`TYPE: TOUR`), nodes numbered from 1."""
     head = f"NAME: {name}\nTYPE: TOUR\nCOMMENT: cost {cost:.10g}\nDIMENSION: {len(order)}\n"
     body = "".join(f"{node + 1}\n" for node in order)
@@ -142,13 +142,13 @@ def _header(lines: list[str], source: Path) -> tuple[dict[str, tuple[str, int]],
     )
 
 
-def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.float64]:
+def _matrix(lines: list[str], first: int, n: int, source: Path) -> Floats:
     """Return the numbers of the matrix as (n, n), −1 included.
 
     TSPLIB's own SOP files repeat the dimension on a line of its own before the
     matrix. Rows may be broken over lines, down to a number a line.
     """
-    rows: list[NDArray[np.float64]] = []
+    rows: list[Floats] = []
     for number, line in enumerate(lines[first - 1 :], start=first):
         words = line.split()
         if words[:1] == ["EOF"]:
@@ -167,7 +167,7 @@ def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.fl
     return np.concatenate(rows).reshape(n, n)
 
 
-def _numbers(words: list[str], source: Path, line: int) -> NDArray[np.float64]:
+def _numbers(words: list[str], source: Path, line: int) -> Floats:
     """Return one line of the matrix, checked."""
     try:
         row = np.array(words, np.float64)
@@ -184,7 +184,7 @@ def _numbers(words: list[str], source: Path, line: int) -> NDArray[np.float64]:
     return row
 
 
-def _instance(name: str, matrix: NDArray[np.float64]) -> SopInstance:
+def _instance(name: str, matrix: Floats) -> SopInstance:
     """Split the matrix into costs and precedence."""
     np.fill_diagonal(matrix, 0.0)
     after, before = np.nonzero(matrix == _MUST_PRECEDE)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM
 
@@ -143,7 +143,7 @@ def points(
     path: Path | str | None = None,
     *,
     most: float = _LARGEST,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return (k, d) float64 from a list of rows of finite numbers, d one of `sizes`.
 
     Raises InputError naming the first row that is no such thing.
@@ -168,7 +168,7 @@ def numbers(
     *,
     least: float = -math.inf,
     most: float = _LARGEST,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return (k,) float64 from a list of finite numbers, or raise InputError."""
     if not isinstance(flat, list):
         fail(where, f"expected numbers, found {shown(flat)}", path)

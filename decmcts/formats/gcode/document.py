@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.brief import brief
 
 NO_ARC = -1
@@ -32,13 +32,13 @@ class StateTable:
     slots: tuple[str, ...]
     values: tuple[str, ...]  # values[UNSET] == ""
     leave: tuple[str, ...]  # aligned with values: the text that ends an object or label
-    rows: NDArray[np.int32]  # (n_states, n_slots) value ids
-    travel: NDArray[np.int32] | None = None  # (n_states,) state in which the source travels to
+    rows: Int32s  # (n_states, n_slots) value ids
+    travel: Int32s | None = None  # (n_states,) state in which the source travels to
     # beads of each state, -1: unknown; None: all are
 
     __repr__ = brief("slots", "rows")
 
-    def column(self, slot: str) -> NDArray[np.int32]:
+    def column(self, slot: str) -> Int32s:
         """Return which value each state has in a slot, (n_states,); UNSET where there is none."""
         if slot not in self.slots:
             return np.full(len(self.rows), UNSET, np.int32)
@@ -145,10 +145,10 @@ class Habits:
 class Arcs:
     """The arcs of a file, by number: circles their chords do not tell."""
 
-    centre: NDArray[np.float64]  # (k, 2) mm
-    clockwise: NDArray[np.bool_]  # (k,) a G2
-    partible: NDArray[np.bool_]  # (k,) a part cut at a chord's end reads back as these chords
-    words: NDArray[np.float64]  # (k, 3) I, J and R as they stand in the file; NaN: left out
+    centre: Floats  # (k, 2) mm
+    clockwise: Flags  # (k,) a G2
+    partible: Flags  # (k,) a part cut at a chord's end reads back as these chords
+    words: Floats  # (k, 3) I, J and R as they stand in the file; NaN: left out
     decimals: int  # of I and J
 
     @staticmethod
@@ -166,18 +166,18 @@ class Motions:
     moves without feed.
     """
 
-    points: NDArray[np.float64]  # (m + 1, 3) mm
-    extrusion: NDArray[np.float64]  # (m,) filament pushed, mm
-    feed: NDArray[np.float64]  # (m,) mm/s
-    line: NDArray[np.int64]  # (m,) source line, from 1
-    contour: NDArray[np.int64]  # (m,) contour in the order of this file, -1: none
-    width: NDArray[np.float64]  # (m,) bead width, mm; 0 where contour is -1
-    height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
-    placed: NDArray[np.bool_] | None = None  # (m,) homing or G92, no move of known path
-    arc: NDArray[np.int32] | None = None  # (m,) number in `arcs` a move is a chord of, or NO_ARC
+    points: Floats  # (m + 1, 3) mm
+    extrusion: Floats  # (m,) filament pushed, mm
+    feed: Floats  # (m,) mm/s
+    line: Ints  # (m,) source line, from 1
+    contour: Ints  # (m,) contour in the order of this file, -1: none
+    width: Floats  # (m,) bead width, mm; 0 where contour is -1
+    height: Floats  # (m,) bead height, mm; 0 where contour is -1
+    placed: Flags | None = None  # (m,) homing or G92, no move of known path
+    arc: Int32s | None = None  # (m,) number in `arcs` a move is a chord of, or NO_ARC
     arcs: Arcs | None = None
-    tool: NDArray[np.int64] | None = None  # (m,) in use; None: one tool
-    withdrawn: NDArray[np.bool_] | None = None  # (m,) the firmware has retracted before; None: no
+    tool: Ints | None = None  # (m,) in use; None: one tool
+    withdrawn: Flags | None = None  # (m,) the firmware has retracted before; None: no
 
     __repr__ = brief("points", "extrusion")
 
@@ -194,14 +194,14 @@ class GcodeDocument:
     end: Cursor  # before the postamble
     blocks: tuple[Block, ...]  # ascending epoch
     states: StateTable
-    point_state: NDArray[np.int32]  # (n_points,) state of the segment ending there
-    owed: NDArray[np.float64]  # (n,) mm left retracted where the source begins a contour; below 0:
+    point_state: Int32s  # (n_points,) state of the segment ending there
+    owed: Floats  # (n,) mm left retracted where the source begins a contour; below 0:
     # pushed beyond what was retracted
     relative_e: bool
     e_area: float  # mm² when E is volumetric (M200), 0 when it is mm
     decimals: tuple[int, int, int]  # xy, e, feed
     habits: Habits
-    point_arc: NDArray[np.int32]  # (n_points,) arc of the segment ending there, or NO_ARC
+    point_arc: Int32s  # (n_points,) arc of the segment ending there, or NO_ARC
     arcs: Arcs
     plate: int | None  # of a .gcode.3mf, as asked for
     moves: Motions  # of the whole file, for the judge

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.errors import InputError
 from decmcts.formats.files.names import in_one_line
 from decmcts.formats.slicers.known import every
@@ -146,24 +146,24 @@ def clearance_head(radius: float, nozzle: float, rod: float, across: float) -> t
         (nozzle, _around(radius)),
         (rod, _square(across + radius)),
     ]
-    by_height: dict[float, tuple[NDArray[np.float64], ...]] = {}
+    by_height: dict[float, tuple[Floats, ...]] = {}
     for height, polygon in parts:
         by_height[height] = (*by_height.get(height, ()), polygon)
     return tuple(Slice(height, by_height[height]) for height in sorted(by_height))
 
 
-def _square(half: float) -> NDArray[np.float64]:
+def _square(half: float) -> Floats:
     return _frozen(half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]))
 
 
-def _around(radius: float) -> NDArray[np.float64]:
+def _around(radius: float) -> Floats:
     """Return a regular polygon, counter-clockwise, whose sides touch the circle."""
     angle = 2.0 * math.pi * (np.arange(CORNERS) + 0.5) / CORNERS
     corner = radius / math.cos(math.pi / CORNERS)
     return _frozen(corner * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
-def _frozen(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+def _frozen(polygon: Floats) -> Floats:
     polygon.setflags(write=False)
     return polygon
 

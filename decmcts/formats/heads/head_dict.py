@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.formats.files.bounds import LARGEST_MM, LAST_TOOL
 from decmcts.formats.files.fields import Fields, fail, points, shown
 from decmcts.formats.heads.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
@@ -133,7 +133,7 @@ def _clearance(table: Fields, across_mm: float) -> list[Slice]:
 def _slice(table: Fields) -> Slice:
     table.only("height", "height_mm", "polygons")
     height = table.size("height_mm" if "height_mm" in table.values else "height")
-    polygons: list[NDArray[np.float64]] = []
+    polygons: list[Floats] = []
     for number, rows in enumerate(table.items("polygons"), 1):
         place = f"{table.where} (height {height:g}), polygon {number}"
         polygon = points(rows, (2,), place, table.path, most=LARGEST_MM)
@@ -177,9 +177,7 @@ def _park(table: Fields) -> tuple[float, float, float]:
     return park
 
 
-def _reach(
-    table: Fields,
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def _reach(table: Fields) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     low, high = (-_UNREACHED,) * 3, (_UNREACHED,) * 3
     if "reach" in table.values:
         reach = table.table("reach")
@@ -247,7 +245,7 @@ def _limit(table: Fields, name: str, usual: Any) -> Any:
     return value
 
 
-def check_polygon(polygon: NDArray[np.float64], where: str, path: Path | str | None = None) -> None:
+def check_polygon(polygon: Floats, where: str, path: Path | str | None = None) -> None:
     """Raise InputError unless (k, 2) `polygon` is convex, counter-clockwise and simple."""
     if len(polygon) < 3:
         fail(where, f"{len(polygon)} points are no polygon, 3 are needed", path)
@@ -269,7 +267,7 @@ def check_polygon(polygon: NDArray[np.float64], where: str, path: Path | str | N
         fail(where, f"it is concave at corner {corner + 1} ({x:g}, {y:g})", path, advice)
 
 
-def covers_nozzle(polygon: NDArray[np.float64]) -> bool:
+def covers_nozzle(polygon: Floats) -> bool:
     """Tell whether the origin lies in a convex counter-clockwise polygon, edges included."""
     ahead = np.roll(polygon, -1, axis=0)
     return bool((polygon[:, 0] * ahead[:, 1] >= polygon[:, 1] * ahead[:, 0]).all())

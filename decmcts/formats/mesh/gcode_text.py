@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.formats.gcode.dialects.dialect import CANONICAL
 from decmcts.formats.mesh.options import SliceOptions
 from decmcts.print.contours import Role
@@ -22,8 +22,8 @@ class PlacedBead:
 
     layer: int
     role: Role
-    points: NDArray[np.float64]  # (k, 3) mm
-    filament: NDArray[np.float64]  # (k - 1,) mm of each segment
+    points: Floats  # (k, 3) mm
+    filament: Floats  # (k - 1,) mm of each segment
     feed: float  # mm/s
     width: float  # mm
     height: float
@@ -32,7 +32,7 @@ class PlacedBead:
 def gcode_lines(beads: Iterable[PlacedBead], options: SliceOptions) -> Iterator[str]:
     """Yield the lines of a complete print."""
     yield from _start(options)
-    at: NDArray[np.float64] | None = None
+    at: Floats | None = None
     before: PlacedBead | None = None
     fan, top = False, 0.0
     for bead in beads:
@@ -70,9 +70,7 @@ def _start(options: SliceOptions) -> Iterator[str]:
     yield "M107 ; fan off"
 
 
-def _travel(
-    at: NDArray[np.float64] | None, to: NDArray[np.float64], options: SliceOptions
-) -> Iterator[str]:
+def _travel(at: Floats | None, to: Floats, options: SliceOptions) -> Iterator[str]:
     far = at is None or float(np.linalg.norm((to - at)[:2])) >= options.retract_min_travel_mm
     retract = at is not None and far and options.retract_mm > 0.0
     if retract:

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import (
     LARGEST_MM,
@@ -255,7 +255,7 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
+def _precedence(given: Fields, n: int) -> Int32s:
     rows = given.items("precedence")
     flat = [v for row in rows if type(row) is list and len(row) == 2 for v in row]
     if len(flat) != 2 * len(rows) or not set(map(type, flat)) <= {int}:

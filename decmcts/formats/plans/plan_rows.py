@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.formats.files.bounds import (
     LARGEST_ACCELERATION_MM_S2,
     LARGEST_BEAD_MM,
@@ -39,7 +40,7 @@ _ROLES = {role.name.lower(): role for role in Role}
 
 
 def contours_to_dicts(
-    contours: Contours, machine: Machine, acceleration: NDArray[np.float64] | None = None
+    contours: Contours, machine: Machine, acceleration: Floats | None = None
 ) -> Iterator[dict[str, Any]]:
     """Yield one mapping a contour, in order of id; `acceleration` as in `PlanDocument`."""
     low, high = contours.bottom.tolist(), contours.top.tolist()
@@ -77,7 +78,7 @@ def only_head(machine: Machine, tool: int) -> str | None:
     return able[0] if len(able) == 1 < len(machine.heads) else None
 
 
-def _alike(values: NDArray[np.float64]) -> float | list[float]:
+def _alike(values: Floats) -> float | list[float]:
     """Return one number where all segments have the same, the usual case."""
     if (values == values[0]).all():
         return float(values[0])
@@ -107,7 +108,7 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
     )
 
 
-def _along(tables: list[Fields], sizes: list[int]) -> NDArray[np.float64]:
+def _along(tables: list[Fields], sizes: list[int]) -> Floats:
     """Return the place of each point on the source's contour, (n_points,)."""
     values: list[float] = []
     for table, size in zip(tables, sizes, strict=True):
@@ -118,7 +119,7 @@ def _along(tables: list[Fields], sizes: list[int]) -> NDArray[np.float64]:
     return np.array(values, np.float64)
 
 
-def acceleration_from_dicts(tables: list[Fields], contours: Contours) -> NDArray[np.float64] | None:
+def acceleration_from_dicts(tables: list[Fields], contours: Contours) -> Floats | None:
     """Return the accelerations of the rows as `PlanDocument` has them, None if none has any.
 
     Raises InputError when some contours state theirs and others do not, or a value is wrong.
@@ -140,7 +141,7 @@ def _count(table: Fields, key: str, end: int = _INT32_END) -> int:
     return table.integer(key, least=0, below=end)
 
 
-def _polyline(table: Fields, number: int) -> NDArray[np.float64]:
+def _polyline(table: Fields, number: int) -> Floats:
     table.only(*_CONTOUR_KEYS, *_PIECE, _ACCELERATION)
     if _count(table, "id") != number:
         table.fail("id", f"{table.need('id')} stands at place {number}", "number from 0 in order")
@@ -154,9 +155,7 @@ def _polyline(table: Fields, number: int) -> NDArray[np.float64]:
     return np.column_stack([rows, np.full(len(rows), table.number("z", most=LARGEST_MM))])
 
 
-def _per_segment(
-    tables: list[Fields], sizes: list[int], key: str, most: float
-) -> NDArray[np.float64]:
+def _per_segment(tables: list[Fields], sizes: list[int], key: str, most: float) -> Floats:
     """Return (n_points,) values of the segments, 0 at each contour's start."""
     lists = [
         _segments(table, size - 1, key, most) for table, size in zip(tables, sizes, strict=True)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.options import AvoidWalls
 from decmcts.planning.problem.print_problem import PrintProblem
@@ -86,9 +86,7 @@ class WallRule:
         return ways
 
 
-def _gaps(
-    problem: PrintProblem, toolpath: Toolpath
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _gaps(problem: PrintProblem, toolpath: Toolpath) -> tuple[Floats, Floats]:
     """Return where the travels of an order begin and end, (k, 3) each.
 
     Not those between epochs: what the source does there may move the head.

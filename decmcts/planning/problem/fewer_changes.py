@@ -20,6 +20,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode.writing.fewer_changes import FreeChanges, free_changes, with_runs
@@ -87,8 +88,7 @@ def changes(tool: NDArray[np.int16]) -> int:
 
 
 def _waits(
-    problem: PrintProblem, order: NDArray[np.int32],
-    times: tuple[NDArray[np.float64], NDArray[np.float64]], left_s: NDArray[np.float64],
+    problem: PrintProblem, order: Int32s, times: tuple[Floats, Floats], left_s: Floats,
 ) -> float:  # fmt: skip
     """Return how long an order waits for what is printed over to cool, s.
 
@@ -136,7 +136,6 @@ def beside_given(planned: Planned) -> Planned:
     return replace(planned, before=replace(planned.before, metrics=made_of.before))
 
 
-Ints = NDArray[np.int32]
 May = Callable[[int, int], bool]
 """Tells whether a tool may be changed for another."""
 NONE = -1
@@ -146,12 +145,12 @@ NONE = -1
 class ToolRuns:
     """An order, and where its tools change."""
 
-    order: Ints  # (n,)
-    run: Ints  # (n,) by place in the order, never falling: one tool, within one stretch
+    order: Int32s  # (n,)
+    run: Int32s  # (n,) by place in the order, never falling: one tool, within one stretch
 
 
 def by_tool(
-    graph: DependencyGraph, tool: NDArray[np.int16], stretch: Ints, may: May
+    graph: DependencyGraph, tool: NDArray[np.int16], stretch: Int32s, may: May
 ) -> ToolRuns | None:
     """Return an order with few changes of tools; None where no allowed change leads on.
 

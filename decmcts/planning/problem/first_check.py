@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s, Ints
 from decmcts.errors import InputError
 from decmcts.formats.files.atomic import draft_folder
 from decmcts.formats.gcode import read_motions, write_gcode
@@ -71,11 +71,11 @@ _LINE = re.compile(r"\bline (\d+)")
 class SourceLines:
     """Of each line of a draft the source's line of the contour that stands there, or next."""
 
-    line: NDArray[np.int64]  # (k,) of the draft's beads, ascending
-    source: NDArray[np.int64]  # (k,) where the source begins the contour of each
+    line: Ints  # (k,) of the draft's beads, ascending
+    source: Ints  # (k,) where the source begins the contour of each
 
     @staticmethod
-    def of(draft: Path, contour_lines: NDArray[np.int32]) -> SourceLines:
+    def of(draft: Path, contour_lines: Int32s) -> SourceLines:
         """Return the lines of a draft whose contours stand in the order of `contour_lines`.
 
         Of none where it cannot be read.

@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s
 from decmcts.errors import InputError
 from decmcts.feasibility.contacts import CollisionError
 from decmcts.feasibility.graph import DependencyGraph
@@ -92,9 +92,7 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     return replace(found, job=layered, original=source)
 
 
-def barrier_between(
-    contours: Contours, document: GcodeDocument, order: NDArray[np.int32]
-) -> str | None:
+def barrier_between(contours: Contours, document: GcodeDocument, order: Int32s) -> str | None:
     """Return what an order goes down again behind; None where it never does.
 
     It goes down where a contour ends below the bottom of one before it, and that is so only
@@ -116,7 +114,7 @@ def barrier_between(
 
 
 def rewritten(
-    source: Source, job: PrintJob, document: GcodeDocument, order: NDArray[np.int32],
+    source: Source, job: PrintJob, document: GcodeDocument, order: Int32s,
     machine: Machine, *, times: bool = False,
 ) -> Source | str:  # fmt: skip
     """Write a source in an order, have that judged, and return it as it reads, or why it does not.
@@ -146,7 +144,7 @@ def rewritten(
 
 
 def write_order(
-    job: PrintJob, document: GcodeDocument, order: NDArray[np.int32], machine: Machine, draft: Path
+    job: PrintJob, document: GcodeDocument, order: Int32s, machine: Machine, draft: Path
 ) -> HeadActions:
     """Write a print in an order, whatever must come before what; returns its actions."""
     none = DependencyGraph.from_pairs(len(order), np.empty((0, 2), np.int32))
@@ -155,7 +153,7 @@ def write_order(
     return plan.heads[0]
 
 
-def with_source_lines(layered: PrintJob, source: PrintJob, order: NDArray[np.int32]) -> PrintJob:
+def with_source_lines(layered: PrintJob, source: PrintJob, order: Int32s) -> PrintJob:
     """Return what was read of the draft with the source's lines of contours and barriers."""
     line = {(barrier.text, barrier.reason): barrier.line for barrier in source.barriers}
     barriers = tuple(
@@ -167,7 +165,7 @@ def with_source_lines(layered: PrintJob, source: PrintJob, order: NDArray[np.int
 
 
 def with_epochs(
-    layered: PrintJob, document: GcodeDocument, own: NDArray[np.int32]
+    layered: PrintJob, document: GcodeDocument, own: Int32s
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return what was read of the draft so that nothing crosses what it may not in the source.
 

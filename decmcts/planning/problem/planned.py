@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.events import Report, Step
@@ -26,7 +26,7 @@ from decmcts.version import __version__
 from sim.faults import Verdict
 from sim.verify import verify_plan
 
-History = NDArray[np.float64]
+History = Floats
 """(k, 3) seconds, iterations, cost at each improvement; of heads (k, 2) seconds, makespan."""
 
 
@@ -154,7 +154,7 @@ def _by_pieces(actions: HeadActions, pieces: Contours) -> HeadActions:
     )  # fmt: skip
 
 
-def _shares(pieces: Contours) -> NDArray[np.float64]:
+def _shares(pieces: Contours) -> Floats:
     """Return from which to which share of its contour's printing each piece is printed, (n, 2)."""
     step = np.linalg.norm(np.diff(pieces.points, axis=0, prepend=pieces.points[:1]), axis=1)
     step[pieces.extrusion == 0.0] = 0.0

@@ -13,10 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from decmcts.arguments import checked
+from decmcts.arrays import Floats
 from decmcts.errors import InputError
 from decmcts.formats.files.reading import require_file
 from decmcts.formats.gcode import GcodeDocument, read_gcode
@@ -41,7 +39,7 @@ class Regrouped:
     given: Source
     before: Metrics  # of the given source's own order
     fewer: int  # changes that it has less
-    left_s: NDArray[np.float64]  # (n,) that what is below a contour has to cool there at least
+    left_s: Floats  # (n,) that what is below a contour has to cool there at least
 
 
 @dataclass(frozen=True, slots=True)

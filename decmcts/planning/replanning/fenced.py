@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM
 from decmcts.formats.gcode.text.source_text import load_text
@@ -32,7 +32,7 @@ BEYOND_MM = 10.0  # so far beside reach and park a head may be pushed
 OPTION = "--print-with"
 _PAIR = re.compile(r"([0-9]{1,4})=([0-9]{1,4})", re.ASCII)
 _DIAMETERS = re.compile(rb"^[;#][ \t]*filament_diameter[ \t]*=[ \t]*([^\r\n]*)", re.M)
-Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corner, mm
+Box = tuple[Floats, Floats]  # lower and upper corner, mm
 ALL_FENCED = (
     "name fewer with --fenced; if by the events all of them failed, say what is printed"
     " by --layer N or --height Z in place of --events"
@@ -89,7 +89,7 @@ def stated_place(text: str, machine: Machine) -> tuple[str, Point | None]:
     return name, head.park if place == PARKED else _point(text, place, head)
 
 
-def _line(line: NDArray[np.float64]) -> Stands:
+def _line(line: Floats) -> Stands:
     return tuple((x, y, z) for x, y, z in line.tolist())
 
 

@@ -16,8 +16,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.errors import InputError
 from decmcts.formats.gcode.writing.head_files import AxisWords, park_gcode
 from decmcts.planning.problem.planned import require_passed
@@ -30,7 +30,7 @@ from sim.heads.to_park import Whereabouts, check_to_park
 from sim.replay.fenced import too_near
 
 AT_PARK_MM = 0.01
-Line = NDArray[np.float64]  # (k, 3) mm, on which a head stands somewhere
+Line = Floats  # (k, 3) mm, on which a head stands somewhere
 BEFORE = (
     "No start code, no homing: run it only if this head's controller still knows where the head",
     "is, and all heads stand where this says:",
@@ -163,7 +163,7 @@ class Route:
     head: str
     moves: tuple[AxisWords, ...]
 
-    def path(self, at: Point) -> NDArray[np.float64]:
+    def path(self, at: Point) -> Floats:
         """Return the points it leads through from one place, (k, 3); no two alike in turn."""
         points = [np.array(at, np.float64)]
         for words in self.moves:
@@ -173,7 +173,7 @@ class Route:
         return np.array(points)
 
 
-def same_place(a: Point | NDArray[np.float64], b: Point | NDArray[np.float64]) -> bool:
+def same_place(a: Point | Floats, b: Point | Floats) -> bool:
     """Tell whether two places are one, but for rounding."""
     return float(np.abs(np.subtract(a, b)).max()) < SAME_MM
 
@@ -184,8 +184,7 @@ def top_of(*stands: Contours | None) -> float:
 
 
 def routes_to_parks(
-    machine: Machine, standing: Mapping[str, NDArray[np.float64]], fenced: Mapping[str, Stands],
-    top_mm: float,
+    machine: Machine, standing: Mapping[str, Floats], fenced: Mapping[str, Stands], top_mm: float,
 ) -> list[Route]:  # fmt: skip
     """Return routes in the order in which they keep clear; none of heads that are at their parks.
 
@@ -214,7 +213,7 @@ def routes_to_parks(
     return found
 
 
-def _boxes(line: NDArray[np.float64]) -> NDArray[np.float64]:
+def _boxes(line: Floats) -> Floats:
     """Return boxes around pieces of a line, least and most corner, (n, 6)."""
     points = [line[:1]]
     for a, b in pairwise(line):
@@ -229,7 +228,7 @@ def _boxes(line: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _clear_route(
-    machine: Machine, head: Head, places: Mapping[str, NDArray[np.float64]], height: float
+    machine: Machine, head: Head, places: Mapping[str, Floats], height: float
 ) -> Route | None:
     """Return a route to a head's park that keeps clear of the others, None if there is none."""
     x, y, z = head.park
@@ -251,7 +250,7 @@ def _clear_route(
     return None
 
 
-def _swept(route: Route, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _swept(route: Route, boxes: Floats) -> Floats:
     """Return boxes around all that a nozzle passes that begins anywhere in `boxes`, (m, 6)."""
     found = []
     for words in route.moves:

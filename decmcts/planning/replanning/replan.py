@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.writing.parts import Stretch, with_stretches
@@ -195,9 +195,7 @@ def _rest_of(
     return Rest(anew, left, tuple(broken), done, missing, pairs, tuple(others), to_park)
 
 
-def _able(
-    job: PrintJob, machine: Machine, other: Mapping[int, int], contours: Contours
-) -> NDArray[np.bool_]:
+def _able(job: PrintJob, machine: Machine, other: Mapping[int, int], contours: Contours) -> Flags:
     """Tell which contours some head of a machine can print, (n,).
 
     `other` has the tools that are printed with others.
@@ -207,7 +205,7 @@ def _able(
 
 
 def _with_others(
-    document: PlanDocument, source: Source, rows: NDArray[np.bool_], other: Mapping[int, int]
+    document: PlanDocument, source: Source, rows: Flags, other: Mapping[int, int]
 ) -> list[str]:  # fmt: skip
     """Return in words what of these contours is printed with other tools, (n,) `rows`."""
     refuse_other_diameters(source, other)
@@ -223,8 +221,7 @@ def _with_others(
 
 
 def _to_print(
-    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], broken: Sequence[Broken],
-    able: Able,
+    document: PlanDocument, job: PrintJob, rows: Flags, broken: Sequence[Broken], able: Able,
 ) -> list[Stretch]:  # fmt: skip
     """Return the stretches of these contours in the order of the source, (n,) `rows`."""
     begun, whole = {one.contour: one.rest for one in broken if one.rest}, rows.copy()

@@ -12,8 +12,8 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.formats.gcode.writing.parts import Stretch, contours_of
 from decmcts.print.contours import Contours, joined, taken
 from decmcts.print.cut import LEAST_MM
@@ -85,7 +85,7 @@ def broken_beads(
     return found
 
 
-def _missing(path: NDArray[np.float64], point: int, share: float) -> float:
+def _missing(path: Floats, point: int, share: float) -> float:
     """Return the length of a path behind a place on it, mm."""
     if point + 1 >= len(path):
         return 0.0
@@ -93,7 +93,7 @@ def _missing(path: NDArray[np.float64], point: int, share: float) -> float:
 
 
 def _behind(
-    run: Rotated, place: tuple[int, float], of: int, row: NDArray[np.int64], *, reverse: bool
+    run: Rotated, place: tuple[int, float], of: int, row: Ints, *, reverse: bool
 ) -> Stretch:
     """Return what of a bead lies behind a place on it; it runs as its source does."""
     step = -1 if reverse else 1
@@ -118,8 +118,8 @@ def _behind(
 class LeftOut:
     """Contours of a plan that are not finished, and why."""
 
-    rows: NDArray[np.bool_]  # (n,) all of them
-    apart: NDArray[np.bool_]  # (n,) those that no living head can print
+    rows: Flags  # (n,) all of them
+    apart: Flags  # (n,) those that no living head can print
 
     def stated(self, contours: Contours) -> str:
         """Return a line on what is missing; empty: nothing is."""
@@ -136,7 +136,7 @@ class LeftOut:
         )
 
 
-def left_out(document: PlanDocument, rest: NDArray[np.bool_], able: NDArray[np.bool_]) -> LeftOut:
+def left_out(document: PlanDocument, rest: Flags, able: Flags) -> LeftOut:
     """Return what of the `rest`, (n,), no living head is `able` to print, (n,).
 
     With all that must come after it.
@@ -186,22 +186,22 @@ def _begun(document: PlanDocument, state: PrintState, one: Broken) -> Contours:
     )  # fmt: skip
 
 
-Able = Callable[[Contours], NDArray[np.bool_]]  # which of some contours a head can print, (n,)
+Able = Callable[[Contours], Flags]  # which of some contours a head can print, (n,)
 
 
 @dataclass(frozen=True, slots=True)
 class _PlanSegments:
     """Segments of a plan, by the contour of the source each is of, and along that."""
 
-    of: NDArray[np.int64]  # (k,) contour of the source
-    begin: NDArray[np.float64]  # (k,) place on it
-    end: NDArray[np.float64]  # (k,)
-    row: NDArray[np.int64]  # (k,) point of the source whose segment it is a part of
-    point: NDArray[np.int64]  # (k,) point of the plan at its end
-    contour: NDArray[np.int64]  # (k,) of the plan
+    of: Ints  # (k,) contour of the source
+    begin: Floats  # (k,) place on it
+    end: Floats  # (k,)
+    row: Ints  # (k,) point of the source whose segment it is a part of
+    point: Ints  # (k,) point of the plan at its end
+    contour: Ints  # (k,) of the plan
 
 
-def source_rows(document: PlanDocument, job: PrintJob) -> NDArray[np.int64]:
+def source_rows(document: PlanDocument, job: PrintJob) -> Ints:
     """Return the point of the source whose segment each point of the plan is a part of."""
     pieces = document.contours
     if pieces.along is None:
@@ -210,9 +210,7 @@ def source_rows(document: PlanDocument, job: PrintJob) -> NDArray[np.int64]:
     return np.asarray(job.contours.offsets[of] + np.ceil(pieces.along).astype(np.int64))
 
 
-def stretches_left(
-    document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_], able: Able
-) -> list[Stretch]:
+def stretches_left(document: PlanDocument, job: PrintJob, rows: Flags, able: Able) -> list[Stretch]:
     """Return what these contours of a plan print, as stretches of the source's contours.
 
     What no one head can print joined stays parted as the plan has it.
@@ -232,7 +230,7 @@ def stretches_left(
     return _joined(document, job, laid, new)
 
 
-def _laid(document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_]) -> _PlanSegments:
+def _laid(document: PlanDocument, job: PrintJob, rows: Flags) -> _PlanSegments:
     """Return what these contours of a plan print, without hops."""
     plan = document.contours
     sizes, row = np.diff(plan.offsets), source_rows(document, job)
@@ -249,7 +247,7 @@ def _laid(document: PlanDocument, job: PrintJob, rows: NDArray[np.bool_]) -> _Pl
 
 
 def _joined(
-    document: PlanDocument, job: PrintJob, laid: _PlanSegments, new: NDArray[np.bool_]
+    document: PlanDocument, job: PrintJob, laid: _PlanSegments, new: Flags
 ) -> list[Stretch]:
     """Return segments as stretches; those that are `new`, (k,), begin one."""
     plan, source = document.contours, job.contours

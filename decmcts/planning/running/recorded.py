@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from agents.running.report import Reached
+from decmcts.arrays import Floats
 from decmcts.print.brief import brief
 from decmcts.print.machine import Machine, Point
 from decmcts.print.plan import ACTION_END, PlanDocument
 from decmcts.print.print_events import NO_ACTION, EventKind, EventLog, PrintEvent
 from decmcts.print.print_state import HeadState, nearest_on_segment
-from sim.arrays import Floats
 from sim.controllers.feeding import Work
 from sim.controllers.motion import Profile
 from sim.controllers.nearness import Course, Near, nearness

@@ -17,10 +17,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.running.carrier import committed
 from agents.running.report import Reached
+from decmcts.arrays import Floats
 from decmcts.errors import InputError, VerificationError
 from decmcts.planning.events import Note
 from decmcts.planning.problem.made_from import rules_of
@@ -313,7 +313,7 @@ def parking_plan(
 
 
 def _document(
-    document: PlanDocument, machine: Machine, order: list[tuple[str, NDArray[np.float64]]]
+    document: PlanDocument, machine: Machine, order: list[tuple[str, Floats]]
 ) -> PlanDocument:
     """Return paths as a plan in which each head waits for the one before."""
     begin, heads = 0.0, list[HeadActions]()

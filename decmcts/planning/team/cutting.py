@@ -8,8 +8,8 @@ from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.feasibility.graph import EdgeKind
 from decmcts.feasibility.rules import contacts_between
 from decmcts.formats.gcode.document import NO_ARC
@@ -66,7 +66,7 @@ class Swept:
     spread: Cuttable
     layout: Layout
     sweep: Sweep
-    layer_s: NDArray[np.float64]  # (layers,) how long heads take for each
+    layer_s: Floats  # (layers,) how long heads take for each
     makespan_s: float  # estimate
 
     @property
@@ -79,7 +79,7 @@ _makespan = attrgetter("makespan_s")
 
 
 def best_sweep(
-    problem: PrintProblem, cut: Cut, report: Report, *, kept: NDArray[np.bool_] | None = None,
+    problem: PrintProblem, cut: Cut, report: Report, *, kept: Flags | None = None,
     stagger_mm: float = STAGGER_MM,
 ) -> Swept | None:  # fmt: skip
     """Return the sweep that ends first, with contours cut as far as `cut` allows, or whole.
@@ -136,8 +136,7 @@ def _reached(found: Swept) -> float:
 
 
 def _swept(
-    problem: PrintProblem, seconds: NDArray[np.float64], may: NDArray[np.bool_], cut: Cut,
-    stagger_mm: float,
+    problem: PrintProblem, seconds: Floats, may: Flags, cut: Cut, stagger_mm: float,
 ) -> Swept | None:  # fmt: skip
     """Return a sweep with those contours cut that `may` be; `seconds` are those of segments.
 
@@ -189,7 +188,7 @@ def _layout(problem: PrintProblem, spread: Cuttable, nearer_mm: float = 0.0) -> 
 
 
 def _tried_deeper(
-    problem: PrintProblem, cut: Cut, spread: Cuttable, whole_s: NDArray[np.float64]
+    problem: PrintProblem, cut: Cut, spread: Cuttable, whole_s: Floats
 ) -> list[Swept]:
     """Return the sweeps tried first; `whole_s` is what each contour takes, (n,).
 
@@ -225,7 +224,7 @@ def _try(problem: PrintProblem, cut: Cut, spread: Cuttable, layout: Layout) -> l
     return [] if times is None else [Swept(parted, team, spread, layout, sweep, *times)]
 
 
-def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
+def _kept_whole(problem: PrintProblem) -> Flags:
     """Tell which contours are never cut, (n,).
 
     What primes, what touches the head, what begins with filament of its own, what has arcs that

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
 from agents.launching.status import AgentStatus
 from agents.networks.transport import DISTURBS
+from decmcts.arrays import Int32s
 from decmcts.errors import InputError
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import TeamSearch
@@ -160,7 +160,7 @@ class Prepared:
     orders: OrderChoices  # what orders may choose
     lone_order: Toolpath  # the best order found for one head alone
     lone_plan: JointPlan  # of it, for one head that reaches everything
-    entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
+    entry: Int32s  # (n,) where loops are entered while heads plan
     bound: Future[Bound]  # on the makespan, found beside all else
     start: StatedOrder | None = None  # a joint order to begin with
     whole: Prepared | None = None  # the same of the print before it was cut; None: nothing is cut

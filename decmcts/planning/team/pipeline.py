@@ -13,11 +13,11 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.launching.status import AgentStatus, LaunchError
+from decmcts.arrays import Flags
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.formats.gcode.dialects.dialect import IDLE_MARK
 from decmcts.planning.compiling import TEAM, finish_beside
@@ -168,7 +168,7 @@ def within_limit(ready: Prepared, search: TeamSearch, limit_s: float, report: Re
     return cut
 
 
-def _late_in(cut: Prepared, limit_s: float) -> NDArray[np.bool_] | None:
+def _late_in(cut: Prepared, limit_s: float) -> Flags | None:
     """Tell which contours the sweep welds too late, (contours of the source,); None: none is cut.
 
     All that are cut, where it cannot be printed.

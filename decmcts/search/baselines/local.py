@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from decmcts.arrays import Int32s
 from decmcts.search.decomposition.threads import anneal_rounds, descend_fully, open_threads
 from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
 from decmcts.search.sequence.incumbent import Incumbent
@@ -63,7 +61,7 @@ def _anneal(
     incumbent: Incumbent,
     ends: tuple[float, ...],
     seed: int,
-    group: NDArray[np.int32] | None = None,
+    group: Int32s | None = None,
 ) -> None:
     """Anneal the best sequence in rounds, and descend; moves stay within equal `group`."""
     if incumbent.over:

@@ -16,10 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from decmcts.arrays import Int32s
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import seeded
@@ -38,7 +38,7 @@ class Mcts:
 
     exploration: float = math.sqrt(2.0)  # of UCB1
     patience_s: float = 300.0  # stop when nothing better was found for so long
-    labels: Callable[[DependencyGraph], NDArray[np.int32]] = cluster_contours
+    labels: Callable[[DependencyGraph], Int32s] = cluster_contours
     nearest: float = 0.0  # chance that a rollout goes on with the nearest cluster, not any
     most_nodes: int = 4_000_000  # of the tree, about 150 MB; 1: rollouts from the root alone
 
@@ -73,7 +73,7 @@ class Mcts:
                 chunk = next_chunk(chunk, took_s, POLL_S, least=1, most=_LARGEST_CHUNK)
 
 
-def clustered_problem(problem: OrderProblem, labels: NDArray[np.int32]) -> Clustered:
+def clustered_problem(problem: OrderProblem, labels: Int32s) -> Clustered:
     """Join a problem with the cluster of each contour.
 
     Clusters that depend on each other in a cycle could never be printed one
@@ -97,7 +97,7 @@ def clustered_problem(problem: OrderProblem, labels: NDArray[np.int32]) -> Clust
     )
 
 
-def _without_cycles(problem: OrderProblem, labels: NDArray[np.int32]) -> NDArray[np.int32]:
+def _without_cycles(problem: OrderProblem, labels: Int32s) -> Int32s:
     """Return labels 0..h - 1 whose cluster graph has no cycle, by merging those on one."""
     ids, dense = np.unique(labels, return_inverse=True)
     pairs = dense[problem.graph.pairs()]

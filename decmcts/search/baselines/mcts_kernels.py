@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.random_kernels import below, uniform
 from decmcts.search.sequence.greedy_kernels import nearest_ready
@@ -37,27 +38,27 @@ class Clustered(NamedTuple):
     """A print and its clusters; the cluster graph has no cycle."""
 
     metric: Metric
-    reversible: NDArray[np.bool_]  # (n,)
-    pred_offsets: NDArray[np.int64]  # (n + 1,)
-    succ_offsets: NDArray[np.int64]  # (n + 1,)
-    succs: NDArray[np.int32]  # (m,)
-    label: NDArray[np.int32]  # (n,) cluster of each contour
-    member_offsets: NDArray[np.int64]  # (h + 1,)
-    members: NDArray[np.int32]  # (n,) contours by cluster
-    outer_preds: NDArray[np.int32]  # (h,) edges into each cluster from others
+    reversible: Flags  # (n,)
+    pred_offsets: Ints  # (n + 1,)
+    succ_offsets: Ints  # (n + 1,)
+    succs: Int32s  # (m,)
+    label: Int32s  # (n,) cluster of each contour
+    member_offsets: Ints  # (h + 1,)
+    members: Int32s  # (n,) contours by cluster
+    outer_preds: Int32s  # (h,) edges into each cluster from others
 
 
 class Rollout(NamedTuple):
     """The print as far as one rollout has come; all arrays are mutated by it."""
 
-    order: NDArray[np.int32]  # (n,)
+    order: Int32s  # (n,)
     reversed: NDArray[np.uint8]  # (n,) by contour
-    waiting: NDArray[np.int32]  # (n,) predecessors not yet printed
-    outer: NDArray[np.int32]  # (h,) edges into each cluster not yet satisfied
-    ready: NDArray[np.int32]  # (h,) clusters that may be next, the first tally[READY]
-    local: NDArray[np.int32]  # (n,) contours of the open cluster that may be next
-    tally: NDArray[np.int64]  # (3,) contours PRINTED, clusters READY, PORT the nozzle is at
-    travel: NDArray[np.float64]  # (1,) in the metric's unit
+    waiting: Int32s  # (n,) predecessors not yet printed
+    outer: Int32s  # (h,) edges into each cluster not yet satisfied
+    ready: Int32s  # (h,) clusters that may be next, the first tally[READY]
+    local: Int32s  # (n,) contours of the open cluster that may be next
+    tally: Ints  # (3,) contours PRINTED, clusters READY, PORT the nozzle is at
+    travel: Floats  # (1,) in the metric's unit
 
 
 @kernel
@@ -141,14 +142,14 @@ def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
 class ClusterTree(NamedTuple):
     """Nodes 0..size - 1 of `capacity`; children of a node are a linked list."""
 
-    parent: NDArray[np.int32]  # (capacity,) NO_NODE at the root
-    cluster: NDArray[np.int32]  # (capacity,) printed last; NO_CLUSTER at the root
-    first_child: NDArray[np.int32]  # (capacity,)
-    sibling: NDArray[np.int32]  # (capacity,) next child of the same parent
-    n_children: NDArray[np.int32]  # (capacity,)
-    visits: NDArray[np.int64]  # (capacity,)
-    reward: NDArray[np.float64]  # (capacity,) sum over visits, each in 0..1
-    size: NDArray[np.int64]  # (1,)
+    parent: Int32s  # (capacity,) NO_NODE at the root
+    cluster: Int32s  # (capacity,) printed last; NO_CLUSTER at the root
+    first_child: Int32s  # (capacity,)
+    sibling: Int32s  # (capacity,) next child of the same parent
+    n_children: Int32s  # (capacity,)
+    visits: Ints  # (capacity,)
+    reward: Floats  # (capacity,) sum over visits, each in 0..1
+    size: Ints  # (1,)
 
 
 def new_tree(capacity: int) -> ClusterTree:
@@ -204,7 +205,7 @@ def untried(
     tree: ClusterTree,
     node: int,
     rollout: Rollout,
-    tried: NDArray[np.bool_],
+    tried: Flags,
     state: NDArray[np.uint64],
 ) -> int:
     """Mutate `state`; return a random ready cluster that is no child of `node` yet."""
@@ -230,7 +231,7 @@ def simulate(
     tree: ClusterTree,
     clustered: Clustered,
     rollout: Rollout,
-    tried: NDArray[np.bool_],
+    tried: Flags,
     state: NDArray[np.uint64],
     exploration: float,
     longest: float,
@@ -266,13 +267,13 @@ def simulate_many(
     tree: ClusterTree,
     clustered: Clustered,
     rollout: Rollout,
-    tried: NDArray[np.bool_],
+    tried: Flags,
     state: NDArray[np.uint64],
     exploration: float,
     longest: float,
     nearest: float,
     iterations: int,
-    order: NDArray[np.int32],
+    order: Int32s,
     is_reversed: NDArray[np.uint8],
     best: float,
 ) -> float:

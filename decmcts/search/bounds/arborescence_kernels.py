@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.compiled import kernel
 
 NONE = -1
@@ -24,29 +24,29 @@ NONE = -1
 class Heaps(NamedTuple):
     """Skew heaps of arcs; what is owed to all below an arc is kept at it."""
 
-    key: NDArray[np.float64]  # (m + n,) weight, after all that was subtracted above
-    owed: NDArray[np.float64]  # (m + n,) still to be added to the children
-    left: NDArray[np.int64]  # (m + n,)
-    right: NDArray[np.int64]  # (m + n,)
+    key: Floats  # (m + n,) weight, after all that was subtracted above
+    owed: Floats  # (m + n,) still to be added to the children
+    left: Ints  # (m + n,)
+    right: Ints  # (m + n,)
 
 
 class DisjointSets(NamedTuple):
     """Contracted nodes: union by size with a history, so that joins can be undone."""
 
-    parent: NDArray[np.int64]  # (n + 1,) NONE at a group's representative
-    size: NDArray[np.int64]  # (n + 1,)
-    joined: NDArray[np.int64]  # (n + 1,) representatives that were joined, oldest first
-    used: NDArray[np.int64]  # (1,) length of `joined`
+    parent: Ints  # (n + 1,) NONE at a group's representative
+    size: Ints  # (n + 1,)
+    joined: Ints  # (n + 1,) representatives that were joined, oldest first
+    used: Ints  # (1,) length of `joined`
 
 
 class Cycles(NamedTuple):
     """The contracted cycles, oldest first."""
 
-    group: NDArray[np.int64]  # (n,) representative after the contraction
-    joins: NDArray[np.int64]  # (n,) length of `DisjointSets.joined` before it
-    first: NDArray[np.int64]  # (n + 1,) where its arcs begin in `arcs`
-    arcs: NDArray[np.int64]  # (2n,)
-    used: NDArray[np.int64]  # (1,)
+    group: Ints  # (n,) representative after the contraction
+    joins: Ints  # (n,) length of `DisjointSets.joined` before it
+    first: Ints  # (n + 1,) where its arcs begin in `arcs`
+    arcs: Ints  # (2n,)
+    used: Ints  # (1,)
 
 
 @kernel
@@ -124,13 +124,7 @@ def undo_joins(groups: DisjointSets, joins: int) -> None:
 
 
 @kernel
-def heap_arcs(
-    offsets: NDArray[np.int64],
-    weight: NDArray[np.float64],
-    escape: NDArray[np.float64],
-    heaps: Heaps,
-    top: NDArray[np.int64],
-) -> None:
+def heap_arcs(offsets: Ints, weight: Floats, escape: Floats, heaps: Heaps, top: Ints) -> None:
     """Fill `heaps` and `top` with the arcs into each node that cost less than its escape."""
     m = len(weight)
     heaps.key[:m] = weight
@@ -144,9 +138,7 @@ def heap_arcs(
 
 
 @kernel
-def cheapest_into(
-    heaps: Heaps, groups: DisjointSets, top: NDArray[np.int64], tail: NDArray[np.int64], group: int
-) -> int:
+def cheapest_into(heaps: Heaps, groups: DisjointSets, top: Ints, tail: Ints, group: int) -> int:
     """Take the cheapest arc from outside into a group off its heap and return it, or NONE.
 
     What stays on the heap is from now on what choosing it instead would cost more.
@@ -170,9 +162,9 @@ def contract(
     heaps: Heaps,
     groups: DisjointSets,
     cycles: Cycles,
-    top: NDArray[np.int64],
-    path: NDArray[np.int64],
-    taken: NDArray[np.int64],
+    top: Ints,
+    path: Ints,
+    taken: Ints,
     length: int,
     group: int,
 ) -> int:
@@ -197,9 +189,7 @@ def contract(
 
 
 @kernel
-def expand(
-    groups: DisjointSets, cycles: Cycles, into: NDArray[np.int64], head: NDArray[np.int64]
-) -> None:
+def expand(groups: DisjointSets, cycles: Cycles, into: Ints, head: Ints) -> None:
     """Mutate `into`: resolve the arcs into contracted groups to arcs into each node."""
     for at in range(cycles.used[0] - 1, -1, -1):
         undo_joins(groups, cycles.joins[at])
@@ -215,10 +205,10 @@ def grow(
     heaps: Heaps,
     groups: DisjointSets,
     cycles: Cycles,
-    top: NDArray[np.int64],
-    tail: NDArray[np.int64],
-    head: NDArray[np.int64],
-    into: NDArray[np.int64],
+    top: Ints,
+    tail: Ints,
+    head: Ints,
+    into: Ints,
 ) -> bool:
     """Mutate all: choose an arc into each group until all hang from the root."""
     n = len(top) - 1
@@ -245,12 +235,7 @@ def grow(
 
 
 @kernel
-def cheapest_arborescence(
-    offsets: NDArray[np.int64],
-    tails: NDArray[np.int64],
-    weight: NDArray[np.float64],
-    escape: NDArray[np.float64],
-) -> NDArray[np.int64]:
+def cheapest_arborescence(offsets: Ints, tails: Ints, weight: Floats, escape: Floats) -> Ints:
     """Return the arc into each node of the cheapest arborescence, (n,); (0,) if there is none."""
     n, m = len(escape), len(weight)
     head, tail = np.empty(m + n, np.int64), np.empty(m + n, np.int64)

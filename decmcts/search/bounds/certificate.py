@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.search.bounds.exact import Patience, solve_exactly
 from decmcts.search.bounds.relaxation import Relaxation, Relaxed
 from decmcts.search.sequence.entries_kernels import visits_cost
@@ -174,7 +174,7 @@ class Ascent:
         self._share, self._stale = self.first_share, 0
         self.bound = -np.inf
         self._best: Relaxed
-        self._best_at: NDArray[np.float64]
+        self._best_at: Floats
         self._certify(self._at)
 
     @property
@@ -215,7 +215,7 @@ class Ascent:
         length = self._share * missing / max(float(self._step @ self._step), 1e-12)
         self._at = self.relaxation.allowed(self._at + length * self._step)
 
-    def _certify(self, at: NDArray[np.float64]) -> bool:
+    def _certify(self, at: Floats) -> bool:
         """Make a bound of these prices; returns whether unlisted travels lowered their value."""
         before = np.inf if self.iterations == 0 else self._best.value
         self.relaxation.take_up(at)

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 UNRELATED, COVERED, FAR = 0, 1, 2  # what an earlier contour is to a later one
 
 
 @kernel
-def chain_behind(
-    seconds: NDArray[np.float64], succ_offsets: NDArray[np.int64], succs: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def chain_behind(seconds: Floats, succ_offsets: Ints, succs: Int32s) -> Floats:
     """Longest sum of `seconds` along a path from each contour on, its own included, (n,).
 
     Contours are numbered in a linear extension.
@@ -28,9 +27,7 @@ def chain_behind(
 
 
 @kernel
-def most_exits(
-    pred_offsets: NDArray[np.int64], preds: NDArray[np.int32], inside: NDArray[np.bool_]
-) -> int:
+def most_exits(pred_offsets: Ints, preds: Int32s, inside: Flags) -> int:
     """Return the most steps from inside to outside along a chain; O(edges).
 
     Contours are numbered in a linear extension.
@@ -47,12 +44,7 @@ def most_exits(
 
 
 @kernel
-def ancestry(
-    offsets: NDArray[np.int64],
-    earlier: NDArray[np.int32],
-    pred_offsets: NDArray[np.int64],
-    preds: NDArray[np.int32],
-) -> NDArray[np.int8]:
+def ancestry(offsets: Ints, earlier: Int32s, pred_offsets: Ints, preds: Int32s) -> NDArray[np.int8]:
     """Tell what contours are to later ones, (m,): UNRELATED, COVERED or FAR.
 
     Contour b is asked about earlier[offsets[b]:offsets[b + 1]], all of them before it in the

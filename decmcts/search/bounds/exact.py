@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s
 from decmcts.search.bounds.ideals_kernels import (
     IdealRules,
     Ideals,
@@ -59,9 +60,9 @@ CAPACITY = Capacity()
 class Optimum:
     """A sequence, and the proof that none costs less: all of them were looked at."""
 
-    order: NDArray[np.int32]  # (n,)
+    order: Int32s  # (n,)
     reversed: NDArray[np.uint8]  # (n,) by contour
-    entry_id: NDArray[np.int32]  # (n,) by contour
+    entry_id: Int32s  # (n,) by contour
     cost: float
     bound: float  # the cost, rounded down
 
@@ -154,7 +155,7 @@ def solve_exactly(
     return Optimum(order, is_reversed.astype(np.uint8), entry_id.astype(np.int32), cost, bound)
 
 
-def _looks(ideals: Ideals, count: int) -> NDArray[np.float64]:
+def _looks(ideals: Ideals, count: int) -> Floats:
     """Return how many travels are looked at, at most, before each ideal is priced, (count + 1,)."""
     ports = ideals.ports[:count].astype(np.float64)
     choices = np.diff(ideals.base[ideals.begin[: count + 1]])

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from decmcts.arrays import Flags, Int32s, Ints
+
 MOST_MEMBERS = 2_000_000  # travels in all pairs of sets together
 MOST_LOOKS = 100_000_000  # pairs of contours asked for their order, some 2 s
 
@@ -23,7 +25,7 @@ MOST_LOOKS = 100_000_000  # pairs of contours asked for their order, some 2 s
 class ExclusiveTravels:
     """Travels from contours to direct successors, and the sets of which one is used at most."""
 
-    keys: NDArray[np.int64]  # (p,) sorted, tail · n + head
+    keys: Ints  # (p,) sorted, tail · n + head
     of: csr_array  # (p, exclusive travels) 1.0 where the travel is in the set
 
     @property
@@ -34,8 +36,8 @@ class ExclusiveTravels:
 
 def find_exclusive_travels(
     before: NDArray[np.uint64],
-    offsets: NDArray[np.int64],
-    covers: NDArray[np.int32],
+    offsets: Ints,
+    covers: Int32s,
     *,
     most_members: int = MOST_MEMBERS,
     most_looks: int = MOST_LOOKS,
@@ -64,7 +66,7 @@ def find_exclusive_travels(
     """
     n = len(offsets) - 1
     preds = [covers[offsets[b] : offsets[b + 1]].astype(np.int64) for b in range(n)]
-    found: dict[bytes, NDArray[np.int64]] = {}
+    found: dict[bytes, Ints] = {}
     inside, members = np.zeros(n, np.bool_), 0
     for tails, heads in _seeds(before, preds, most_looks):
         heads = heads[_precede(before, tails, heads).all(axis=0)]
@@ -87,9 +89,7 @@ def find_exclusive_travels(
     return _of_sets(list(found.values()))
 
 
-def _bends(
-    before: NDArray[np.uint64], preds: list[NDArray[np.int64]], most_looks: int
-) -> Iterator[NDArray[np.int64]]:
+def _bends(before: NDArray[np.uint64], preds: list[Ints], most_looks: int) -> Iterator[Ints]:
     """Yield travels into and out of one contour b of which an order uses one at most.
 
     Let k be unrelated to b. Travels to b from a ≺ k put k behind b; travels from b to
@@ -115,8 +115,8 @@ def _bends(
 
 
 def _seeds(
-    before: NDArray[np.uint64], preds: list[NDArray[np.int64]], most_looks: int
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    before: NDArray[np.uint64], preds: list[Ints], most_looks: int
+) -> Iterator[tuple[Ints, Ints]]:
     """Yield first sets of two at least, each once, and who may follow all of it."""
     succs = _successors(preds)
     seen: set[bytes] = set()
@@ -136,7 +136,7 @@ def _seeds(
                 yield tails, heads
 
 
-def _of_sets(sets: list[NDArray[np.int64]]) -> ExclusiveTravels:
+def _of_sets(sets: list[Ints]) -> ExclusiveTravels:
     keys, place = np.unique(np.concatenate([*sets, np.empty(0, np.int64)]), return_inverse=True)
     of = np.repeat(np.arange(len(sets)), [len(one) for one in sets])
     shape = (len(keys), len(sets))
@@ -145,15 +145,13 @@ def _of_sets(sets: list[NDArray[np.int64]]) -> ExclusiveTravels:
     )
 
 
-def _precede(
-    before: NDArray[np.uint64], tails: NDArray[np.int64], heads: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def _precede(before: NDArray[np.uint64], tails: Ints, heads: Ints) -> Flags:
     """Tell which tails precede which heads, (tails, heads)."""
     words = before[heads[None, :], tails[:, None] >> 6]
     return np.asarray((words >> (tails[:, None] & 63).astype(np.uint64)) & np.uint64(1), np.bool_)
 
 
-def _successors(preds: list[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
+def _successors(preds: list[Ints]) -> list[Ints]:
     counts = [len(some) for some in preds]
     heads = np.repeat(np.arange(len(preds)), counts)
     tails = np.concatenate([*preds, np.empty(0, np.int64)])
@@ -162,5 +160,5 @@ def _successors(preds: list[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
     return np.split(heads[order], ends[:-1])
 
 
-def _union(lists: list[NDArray[np.int64]], which: NDArray[np.int64]) -> NDArray[np.int64]:
+def _union(lists: list[Ints], which: Ints) -> Ints:
     return np.unique(np.concatenate([*(lists[c] for c in which), np.empty(0, np.int64)]))

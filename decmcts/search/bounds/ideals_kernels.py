@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.search.bounds.pricing_kernels import NONE, Choices
 from decmcts.search.sequence.metric_kernels import distance
@@ -40,7 +41,7 @@ NOWHERE = np.uint64(2**64 - 1)
 class IdealRules(NamedTuple):
     """Which contour may follow on an ideal."""
 
-    reach: NDArray[np.int64]  # (n,) last contour that may be printed before each, or itself
+    reach: Ints  # (n,) last contour that may be printed before each, or itself
     needed: NDArray[np.uint64]  # (n,) predecessors: bit 63 is the contour before, and so on down
     slack: float  # by how much a detour may cost less than the direct travel; may be infinite
 
@@ -51,16 +52,16 @@ class Ideals(NamedTuple):
     The steps from ideal i are begin[i]:begin[i + 1]; those that lead to it are linked.
     """
 
-    lacks: NDArray[np.int32]  # (ideals,) first contour not printed
+    lacks: Int32s  # (ideals,) first contour not printed
     bits: NDArray[np.uint64]  # (ideals,) bit k: contour `lacks` + k is printed
-    begin: NDArray[np.int32]  # (ideals + 1,) first step from each
-    newest: NDArray[np.int32]  # (ideals,) last step that leads there, NONE if none
-    ports: NDArray[np.int32]  # (ideals,) choices of all the contours of these steps together
-    older: NDArray[np.int32]  # (steps,) the one that leads to the same before that, NONE if none
-    contour: NDArray[np.int32]  # (steps,) printed
-    base: NDArray[np.int64]  # (steps + 1,) first entry of `travel`, one a choice of the contour
-    travel: NDArray[np.float64]  # (travels,) least until a step's end; infinite: given up
-    slots: NDArray[np.int32]  # hash table of ideals of the level in the making; others are free
+    begin: Int32s  # (ideals + 1,) first step from each
+    newest: Int32s  # (ideals,) last step that leads there, NONE if none
+    ports: Int32s  # (ideals,) choices of all the contours of these steps together
+    older: Int32s  # (steps,) the one that leads to the same before that, NONE if none
+    contour: Int32s  # (steps,) printed
+    base: Ints  # (steps + 1,) first entry of `travel`, one a choice of the contour
+    travel: Floats  # (travels,) least until a step's end; infinite: given up
+    slots: Int32s  # hash table of ideals of the level in the making; others are free
 
 
 class Frontier(NamedTuple):
@@ -83,9 +84,7 @@ def reset(ideals: Ideals) -> Frontier:
 
 
 @kernel
-def reaches(
-    pred_offsets: NDArray[np.int64], preds: NDArray[np.int32]
-) -> tuple[NDArray[np.int64], bool]:
+def reaches(pred_offsets: Ints, preds: Int32s) -> tuple[Ints, bool]:
     """Return the last contour that may be printed before each, or itself, (n,), and success.
 
     Without success some contour may be overtaken by one that is `WINDOW` or more behind.
@@ -116,7 +115,7 @@ def reaches(
 
 
 @kernel
-def needs(pred_offsets: NDArray[np.int64], preds: NDArray[np.int32]) -> NDArray[np.uint64]:
+def needs(pred_offsets: Ints, preds: Int32s) -> NDArray[np.uint64]:
     """Return the predecessors of each contour among the `WINDOW` before it, as bits, (n,)."""
     n = len(pred_offsets) - 1
     needed = np.zeros(n, np.uint64)
@@ -203,8 +202,8 @@ def _gather(
     choices: Choices,
     slack: float,
     i: int,
-    port: NDArray[np.int64],
-    travel: NDArray[np.float64],
+    port: Ints,
+    travel: Floats,
 ) -> int:
     """Write where the head may stand after ideal i, and the least travel; return how many.
 
@@ -255,9 +254,7 @@ def price_steps(ideals: Ideals, choices: Choices, rules: IdealRules, first: int,
 
 
 @kernel
-def trace(
-    ideals: Ideals, choices: Choices, last: int
-) -> tuple[float, NDArray[np.int32], NDArray[np.int64]]:
+def trace(ideals: Ideals, choices: Choices, last: int) -> tuple[float, Int32s, Ints]:
     """Return the least travel to the last ideal, the contours on the way and their choices."""
     n = int(ideals.lacks[last])
     order, choice = np.empty(n, np.int32), np.empty(n, np.int64)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.search.sequence.metric_kernels import Metric, distance, price
 
@@ -28,35 +29,35 @@ class Choices(NamedTuple):
     """The choices for each contour; those of contour c are offsets[c]:offsets[c + 1]."""
 
     metric: Metric
-    offsets: NDArray[np.int64]  # (n + 1,)
-    pairs: NDArray[np.int64]  # (w + 1,) choice w has into and out pairs[w]:pairs[w + 1]
-    into: NDArray[np.int64]  # (p,) point of the metric that is entered at
-    out: NDArray[np.int64]  # (p,) and the one left at
+    offsets: Ints  # (n + 1,)
+    pairs: Ints  # (w + 1,) choice w has into and out pairs[w]:pairs[w + 1]
+    into: Ints  # (p,) point of the metric that is entered at
+    out: Ints  # (p,) and the one left at
 
 
 class Boxes(NamedTuple):
     """Bounds in space, least and largest x, y, z."""
 
-    enter: NDArray[np.float64]  # (n, 6) of the points a contour may be entered at
-    leave: NDArray[np.float64]  # (n, 6) of those it may be left at
-    words: NDArray[np.float64]  # (ceil(n / 64), 6) of `leave` of 64 contours
+    enter: Floats  # (n, 6) of the points a contour may be entered at
+    leave: Floats  # (n, 6) of those it may be left at
+    words: Floats  # (ceil(n / 64), 6) of `leave` of 64 contours
 
 
 class PossibleTravels(NamedTuple):
     """Which contours may be neighbours in an order."""
 
     related: NDArray[np.uint64]  # (n, ceil(n / 64)) bits: itself, before, after, or no contour
-    offsets: NDArray[np.int64]  # (n + 1,)
-    covers: NDArray[np.int32]  # direct predecessors; exclusive travels are always listed
+    offsets: Ints  # (n + 1,)
+    covers: Int32s  # direct predecessors; exclusive travels are always listed
 
 
 class Prices(NamedTuple):
     """What a travel costs besides, in the metric's unit."""
 
-    leave: NDArray[np.float64]  # (n + 1,) to leave a contour; n is the root
-    by_choice: NDArray[np.float64]  # (w,) paid leaving by a choice, got back entering by it
-    zone: NDArray[np.int64]  # (n,)
-    crossing: NDArray[np.float64]  # (zones, zones) refund from zone to zone
+    leave: Floats  # (n + 1,) to leave a contour; n is the root
+    by_choice: Floats  # (w,) paid leaving by a choice, got back entering by it
+    zone: Ints  # (n,)
+    crossing: Floats  # (zones, zones) refund from zone to zone
 
 
 @kernel
@@ -66,9 +67,7 @@ def is_before(rows: NDArray[np.uint64], a: int, b: int) -> bool:
 
 
 @kernel
-def cover_mask(
-    rows: NDArray[np.uint64], offsets: NDArray[np.int64], preds: NDArray[np.int32]
-) -> NDArray[np.bool_]:
+def cover_mask(rows: NDArray[np.uint64], offsets: Ints, preds: Int32s) -> Flags:
     """Tell which stored edges, each once, have nothing forced between their ends, (m,)."""
     kept = np.ones(len(preds), np.bool_)
     for b in range(len(offsets) - 1):
@@ -81,9 +80,7 @@ def cover_mask(
 
 
 @kernel
-def add_descendants(
-    succ_offsets: NDArray[np.int64], succs: NDArray[np.int32], rows: NDArray[np.uint64]
-) -> None:
+def add_descendants(succ_offsets: Ints, succs: Int32s, rows: NDArray[np.uint64]) -> None:
     """Make of ancestors (n, ceil(n / 64)) all that is related, and bar bits of no contour."""
     n, words = rows.shape
     after = np.zeros((n, words), np.uint64)
@@ -100,7 +97,7 @@ def add_descendants(
 
 
 @kernel
-def box_price(metric: Metric, one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+def box_price(metric: Metric, one: Floats, other: Floats) -> float:
     """Return what a travel between two boxes costs at least."""
     dx = max(one[0] - other[3], other[0] - one[3], 0.0)
     dy = max(one[1] - other[4], other[1] - one[4], 0.0)
@@ -131,7 +128,7 @@ def travel_price(choices: Choices, prices: Prices, i: int, j: int) -> float:
 
 
 @kernel
-def insert(cost: NDArray[np.float64], tails: NDArray[np.int64], value: float, tail: int) -> None:
+def insert(cost: Floats, tails: Ints, value: float, tail: int) -> None:
     """Mutate the sorted lists: put (value, tail) in its place, drop the last."""
     x = len(cost) - 1
     while x > 0 and cost[x - 1] > value:
@@ -145,9 +142,9 @@ def insert(cost: NDArray[np.float64], tails: NDArray[np.int64], value: float, ta
 class Extremes(NamedTuple):
     """What prices come to at the least and at the most."""
 
-    paid: NDArray[np.float64]  # (n,) to leave a contour by its cheapest choice, without refunds
-    word: NDArray[np.float64]  # (ceil(n / 64),) the least of 64 contours
-    back: NDArray[np.float64]  # (n,) got back entering a contour by its best choice
+    paid: Floats  # (n,) to leave a contour by its cheapest choice, without refunds
+    word: Floats  # (ceil(n / 64),) the least of 64 contours
+    back: Floats  # (n,) got back entering a contour by its best choice
 
 
 @kernel
@@ -178,8 +175,8 @@ def offer(
     extremes: Extremes,
     i: int,
     j: int,
-    cost: NDArray[np.float64],
-    tails: NDArray[np.int64],
+    cost: Floats,
+    tails: Ints,
 ) -> None:
     """Mutate the sorted lists: enter the travel from i to j if it is cheap enough."""
     if pairs_of_points(choices, i) * pairs_of_points(choices, j) > LOOKS:
@@ -200,8 +197,8 @@ def cheapest_tails(
     prices: Prices,
     extremes: Extremes,
     j: int,
-    cost: NDArray[np.float64],
-    tails: NDArray[np.int64],
+    cost: Floats,
+    tails: Ints,
 ) -> None:
     """Fill `cost` (infinite) and `tails` with the cheapest possible travels to j, sorted.
 
@@ -228,7 +225,7 @@ def cheapest_tails(
 @kernel
 def price_travels(
     choices: Choices, boxes: Boxes, rule: PossibleTravels, prices: Prices, width: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Ints, Floats]:
     """Return from where the `width` cheapest travels lead to each contour, and the rest's least.
 
     Returns
@@ -251,9 +248,7 @@ def price_travels(
 
 
 @kernel
-def travel_costs(
-    choices: Choices, tails: NDArray[np.int64], heads: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def travel_costs(choices: Choices, tails: Ints, heads: Ints) -> Floats:
     """Return what travels cost without prices, (m, 4): from choice x to choice y in column 2x + y.
 
     No contour has more than two choices; the root, tail n, has none.
@@ -271,11 +266,11 @@ def travel_costs(
 
 @kernel
 def cheapest_choices(
-    offsets: NDArray[np.int64],
+    offsets: Ints,
     i: int,
     j: int,
-    cost: NDArray[np.float64],
-    choice: NDArray[np.float64],
+    cost: Floats,
+    choice: Floats,
 ) -> tuple[float, int, int]:
     """Return price and choices of the cheapest travel from i to j; the root has choice -1.
 
@@ -297,12 +292,12 @@ def cheapest_choices(
 
 @kernel
 def arc_weights(
-    offsets: NDArray[np.int64],
-    tails: NDArray[np.int64],
-    heads: NDArray[np.int64],
-    cost: NDArray[np.float64],
+    offsets: Ints,
+    tails: Ints,
+    heads: Ints,
+    cost: Floats,
     prices: Prices,
-    weight: NDArray[np.float64],
+    weight: Floats,
 ) -> None:
     """Write what each arc costs at these prices; the root is the tail n."""
     root = len(offsets) - 1
@@ -314,13 +309,7 @@ def arc_weights(
 
 
 @kernel
-def used_choices(
-    offsets: NDArray[np.int64],
-    tails: NDArray[np.int64],
-    heads: NDArray[np.int64],
-    cost: NDArray[np.float64],
-    choice: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def used_choices(offsets: Ints, tails: Ints, heads: Ints, cost: Floats, choice: Floats) -> Floats:
     """Return how often arcs leave by each choice, less how often they enter by it, (w,)."""
     used = np.zeros(len(choice))
     for e in range(len(tails)):

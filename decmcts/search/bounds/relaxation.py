@@ -15,11 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.feasibility.build import closure_of
 from decmcts.search.bounds.arborescence_kernels import cheapest_arborescence
 from decmcts.search.bounds.chains_kernels import most_exits
@@ -48,13 +48,13 @@ ROUNDING = 1e-9  # of the largest number, times n: what a value is lowered by; s
 class TravelArcs:
     """Travels that are looked at, by the contour they lead to; the root is the tail n."""
 
-    offsets: NDArray[np.int64]  # (n + 1,)
-    tails: NDArray[np.int64]  # (m,)
-    heads: NDArray[np.int64]  # (m,)
-    cost: NDArray[np.float64]  # (m, 4) without prices, from either choice to either choice
+    offsets: Ints  # (n + 1,)
+    tails: Ints  # (m,)
+    heads: Ints  # (m,)
+    cost: Floats  # (m, 4) without prices, from either choice to either choice
 
     @staticmethod
-    def of(codes: NDArray[np.int64], cost: NDArray[np.float64], n: int) -> TravelArcs:
+    def of(codes: Ints, cost: Floats, n: int) -> TravelArcs:
         """Sort distinct arcs, each coded as tail · n + head, by their head."""
         tails, heads = codes // n, codes % n
         order = np.argsort(heads, kind="stable")
@@ -67,7 +67,7 @@ class Relaxed:
     """The value of the relaxation at some prices, and how to raise it."""
 
     value: float  # in the metric's unit
-    slope: NDArray[np.float64]  # as the multipliers
+    slope: Floats  # as the multipliers
     rounding: float  # what rounding added to the value at the very most
 
 
@@ -105,7 +105,7 @@ class Relaxation:
         corners = np.stack([points.min(axis=0), points.max(axis=0)])
         self.reach = float(distance(costliest(self.choices.metric, corners), 0, 1))
 
-    def prices(self, at: NDArray[np.float64]) -> Prices:
+    def prices(self, at: Floats) -> Prices:
         """Return the multipliers, but those for exclusive travels, as prices of travels."""
         member = self.crossings.member
         refund = (member * at[self._sets]) @ (~member).T.astype(np.float64)
@@ -113,12 +113,12 @@ class Relaxation:
             at[: self.n + 1], at[self._by_choice], self.crossings.zone, np.ascontiguousarray(refund)
         )
 
-    def allowed(self, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def allowed(self, at: Floats) -> Floats:
         """Return the nearest multipliers that keep the value a bound."""
         free = self._by_choice.stop
         return np.concatenate([at[:free], np.maximum(at[free:], 0.0)])
 
-    def take_up(self, at: NDArray[np.float64]) -> None:
+    def take_up(self, at: Floats) -> None:
         """Add the travels that are cheapest at these prices; bound what is left out.
 
         After this `evaluate` at the same multipliers is a valid bound.
@@ -128,7 +128,7 @@ class Relaxation:
         heads = np.broadcast_to(np.arange(self.n)[:, None], tails.shape)
         self._list(np.union1d(self.codes, (tails * self.n + heads)[tails >= 0]))
 
-    def evaluate(self, at: NDArray[np.float64]) -> Relaxed:
+    def evaluate(self, at: Floats) -> Relaxed:
         """Return the relaxation's value at some multipliers.
 
         No key of the heaps exceeds twice the largest price M, and each undergoes at
@@ -153,7 +153,7 @@ class Relaxation:
         slope = self._slope(prices, chosen[chosen < m], int(self.last[home]))
         return Relaxed(float(value), slope, ROUNDING * n * float(largest))
 
-    def _slope(self, prices: Prices, chosen: NDArray[np.int64], home: int) -> NDArray[np.float64]:
+    def _slope(self, prices: Prices, chosen: Ints, home: int) -> Floats:
         """Return the subgradient: how far the arborescence is from a path."""
         n, offsets, slope = self.n, self.choices.offsets, np.zeros(self.size)
         arcs = self.arcs
@@ -171,14 +171,14 @@ class Relaxation:
         slope[self._tolls] = self.exclusive.of.T @ self._used(chosen) - 1.0
         return slope
 
-    def _used(self, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _used(self, chosen: Ints) -> Floats:
         """Return how often each travel that passes is used."""
         is_chosen = np.zeros(len(self.codes), np.bool_)
         is_chosen[chosen] = True
         used = self._exclusive[is_chosen[self._priced]]
         return np.bincount(used, minlength=len(self.exclusive.keys)).astype(np.float64)
 
-    def _list(self, codes: NDArray[np.int64]) -> None:
+    def _list(self, codes: Ints) -> None:
         """Look at these travels too from now on, and note which of them pass between sets."""
         known, cost = np.isin(codes, self.codes, assume_unique=True), np.empty((len(codes), 4))
         cost[known] = self._cost
@@ -191,9 +191,7 @@ class Relaxation:
         self._exclusive = place[self._priced]
 
 
-def _boxes_of(
-    low: NDArray[np.float64], high: NDArray[np.float64], starts: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _boxes_of(low: Floats, high: Floats, starts: Ints) -> Floats:
     """Return the bounds in space of runs that begin at `starts`, (k, 6)."""
     bounds = (np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts))
     return np.concatenate(bounds, axis=1)
@@ -217,7 +215,7 @@ def _precedence(problem: OrderProblem) -> tuple[PossibleTravels, ExclusiveTravel
     return rule, exclusive
 
 
-def _offsets(heads: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+def _offsets(heads: Ints, n: int) -> Ints:
     return np.concatenate([[0], np.cumsum(np.bincount(heads, minlength=n))]).astype(np.int64)
 
 
@@ -256,9 +254,9 @@ class Crossings:
     A travel leaves a set when it leads from a contour in it to one outside.
     """
 
-    zone: NDArray[np.int64]  # (n,) zone of each contour
-    member: NDArray[np.bool_]  # (zones, sets) whether the zone belongs to the set
-    exits: NDArray[np.float64]  # (sets,) travels that leave the set, at least
+    zone: Ints  # (n,) zone of each contour
+    member: Flags  # (zones, sets) whether the zone belongs to the set
+    exits: Floats  # (sets,) travels that leave the set, at least
 
 
 def forced_crossings(problem: OrderProblem, *, most: int = 60) -> Crossings:
@@ -271,7 +269,7 @@ def forced_crossings(problem: OrderProblem, *, most: int = 60) -> Crossings:
     the order are disjoint.
     """
     n = len(problem)
-    found: list[tuple[float, float, NDArray[np.bool_]]] = []
+    found: list[tuple[float, float, Flags]] = []
     for gap in GAPS_MM:
         if np.prod(np.ptp(problem.ports()[:, :2], axis=0) // gap + 1.0) > MOST_SQUARES:
             continue
@@ -288,15 +286,13 @@ def forced_crossings(problem: OrderProblem, *, most: int = 60) -> Crossings:
     return _zoned(n, _distinct(found)[:most])
 
 
-def _distinct(
-    found: list[tuple[float, float, NDArray[np.bool_]]],
-) -> list[tuple[float, NDArray[np.bool_]]]:
+def _distinct(found: list[tuple[float, float, Flags]]) -> list[tuple[float, Flags]]:
     """Return exits and members of each set once."""
     once = {inside.tobytes(): (exits, inside) for _, exits, inside in reversed(found)}
     return list(reversed(once.values()))
 
 
-def _zoned(n: int, sets: list[tuple[float, NDArray[np.bool_]]]) -> Crossings:
+def _zoned(n: int, sets: list[tuple[float, Flags]]) -> Crossings:
     if not sets:
         return Crossings(np.zeros(n, np.int64), np.zeros((1, 0), np.bool_), np.zeros(0))
     of = np.stack([inside for _, inside in sets], axis=1)
@@ -305,7 +301,7 @@ def _zoned(n: int, sets: list[tuple[float, NDArray[np.bool_]]]) -> Crossings:
     return Crossings(np.ascontiguousarray(zone.reshape(n), np.int64), member, exits)
 
 
-def _apart(problem: OrderProblem, gap: float) -> NDArray[np.int64]:
+def _apart(problem: OrderProblem, gap: float) -> Ints:
     """Return groups of contours whose ends fall into squares of `gap` that touch, from above."""
     xy = problem.ports()[:, :2]
     cells = ((xy - xy.min(axis=0)) // gap).astype(np.int64)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s, Ints
 from decmcts.search.decomposition.blocks_kernels import block_edges, block_ports, crossed
 from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.incumbent import Incumbent
@@ -30,13 +31,13 @@ class Sequence:
 
     problem: OrderProblem
     metric: Metric
-    near: NDArray[np.int32]  # (2n + anchors, k) entry ports near each exit, see `near_ports`
-    order: NDArray[np.int32]  # (n,)
+    near: Int32s  # (2n + anchors, k) entry ports near each exit, see `near_ports`
+    order: Int32s  # (n,)
     reversed: NDArray[np.uint8]  # (n,) by contour
-    entry_id: NDArray[np.int32]  # (n,) by contour
+    entry_id: Int32s  # (n,) by contour
 
     @classmethod
-    def best_of(cls, incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:
+    def best_of(cls, incumbent: Incumbent, near: Int32s) -> Sequence:
         """Return a copy of the best sequence so far."""
         visits = (incumbent.order.copy(), incumbent.reversed.copy(), incumbent.entry_id.copy())
         return cls(incumbent.problem, incumbent.metric, near, *visits)
@@ -106,8 +107,8 @@ class SequenceBlock:
     """Positions [first, last) of a sequence, with a guard on each side that has one."""
 
     first: int
-    ids: NDArray[np.int32]  # (k,) contour of each local number, guards included
-    entries: NDArray[np.int64]  # number in the whole problem of each local entry
+    ids: Int32s  # (k,) contour of each local number, guards included
+    entries: Ints  # number in the whole problem of each local entry
     guards: tuple[int, int]  # 0 or 1 before and behind
     tour: Tour  # local numbers are positions at the time of cutting
 
@@ -129,7 +130,7 @@ class SequenceBlock:
         )
         return replace(self, tour=twin)
 
-    def within(self, group: NDArray[np.int32]) -> SequenceBlock:
+    def within(self, group: Int32s) -> SequenceBlock:
         """Return the block with moves only within equal `group`, (n,) by contour."""
         return replace(self, tour=self.tour._replace(group=group[self.ids]))
 
@@ -198,17 +199,15 @@ class _BlockSeams(NamedTuple):
     """The metric and the entries of a block, in local numbers."""
 
     metric: Metric
-    entries: NDArray[np.int64]  # (m,) number in the whole problem
-    offsets: NDArray[np.int64]  # (k + 1,)
-    owner: NDArray[np.int32]  # (m,)
-    row: NDArray[np.int32]  # (m,)
-    rows: NDArray[np.int64]  # rows of the whole near lists that the block needs
-    entry_id: NDArray[np.int32]  # (k,)
+    entries: Ints  # (m,) number in the whole problem
+    offsets: Ints  # (k + 1,)
+    owner: Int32s  # (m,)
+    row: Int32s  # (m,)
+    rows: Ints  # rows of the whole near lists that the block needs
+    entry_id: Int32s  # (k,)
 
 
-def _block_seams(
-    sequence: Sequence, ids: NDArray[np.int32], guards: tuple[int, int]
-) -> _BlockSeams:
+def _block_seams(sequence: Sequence, ids: Int32s, guards: tuple[int, int]) -> _BlockSeams:
     """Return what a block of these contours needs of the problem's entries.
 
     Guards have none: they stay as they are.
@@ -243,9 +242,7 @@ def _block_seams(
     return _BlockSeams(metric, entries, offsets, owner, row, np.concatenate([rows, kept]), entry_id)
 
 
-def _block_near(
-    sequence: Sequence, ids: NDArray[np.int32], seams: _BlockSeams
-) -> NDArray[np.int32]:
+def _block_near(sequence: Sequence, ids: Int32s, seams: _BlockSeams) -> Int32s:
     """Return the near ports in local numbers; those inside are repeated to fill the lists.
 
     A proposal drawn from a list then never falls outside the block.

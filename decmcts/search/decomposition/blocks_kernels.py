@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.search.sequence.entries_kernels import point_in, point_out
 from decmcts.search.sequence.metric_kernels import Metric, distance
@@ -19,10 +20,10 @@ from decmcts.search.sequence.metric_kernels import Metric, distance
 @kernel
 def crossed(
     metric: Metric,
-    order: NDArray[np.int32],
+    order: Int32s,
     is_reversed: NDArray[np.uint8],
-    entry_id: NDArray[np.int32],
-) -> NDArray[np.int32]:
+    entry_id: Int32s,
+) -> Int32s:
     """Return the number of the sequence to follow at each position, (n,), for least cost.
 
     Dynamic programme over all m sequences, O(n m^2). On ties the first one is followed.
@@ -63,14 +64,14 @@ def crossed(
 
 @kernel
 def block_edges(
-    pred_offsets: NDArray[np.int64],
-    preds: NDArray[np.int32],
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
-    ids: NDArray[np.int32],
+    pred_offsets: Ints,
+    preds: Int32s,
+    succ_offsets: Ints,
+    succs: Int32s,
+    ids: Int32s,
     low: int,
     high: int,
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64], NDArray[np.int32]]:
+) -> tuple[Ints, Int32s, Ints, Int32s]:
     """Return predecessors and successors in CSR form, by place in `ids`. O(n + edges there).
 
     Places before `low` and from `high` on are guards, at most one each: the first
@@ -107,9 +108,7 @@ def block_edges(
 
 
 @kernel
-def _count(
-    offsets: NDArray[np.int64], others: NDArray[np.int32], c: int, local: NDArray[np.int32]
-) -> int:
+def _count(offsets: Ints, others: Int32s, c: int, local: Int32s) -> int:
     """Return how many neighbours of contour c are inside."""
     count = 0
     for e in range(offsets[c], offsets[c + 1]):
@@ -118,14 +117,7 @@ def _count(
 
 
 @kernel
-def _fill(
-    offsets: NDArray[np.int64],
-    others: NDArray[np.int32],
-    c: int,
-    local: NDArray[np.int32],
-    into: NDArray[np.int32],
-    at: int,
-) -> int:
+def _fill(offsets: Ints, others: Int32s, c: int, local: Int32s, into: Int32s, at: int) -> int:
     """Mutate `into` from `at` on: the neighbours of contour c inside; return how many."""
     count = 0
     for e in range(offsets[c], offsets[c + 1]):
@@ -136,13 +128,7 @@ def _fill(
 
 
 @kernel
-def block_ports(
-    near: NDArray[np.int32],
-    rows: NDArray[np.int64],
-    local: NDArray[np.int32],
-    place: NDArray[np.int32],
-    k: int,
-) -> NDArray[np.int32]:
+def block_ports(near: Int32s, rows: Ints, local: Int32s, place: Int32s, k: int) -> Int32s:
     """Return these rows of the near ports in local numbers, (rows, width).
 
     Contours and entries that are not there (-1 in `local` and `place`) are left out;

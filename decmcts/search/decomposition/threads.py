@@ -27,6 +27,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s
 from decmcts.random_kernels import seeded, uniform
 from decmcts.search.decomposition.blocks import Sequence, SequenceBlock, crossover, cut
 from decmcts.search.sequence.anneal_kernels import anneal, descend
@@ -77,7 +78,7 @@ def anneal_sequences(
     schedules: list[TemperatureSchedule],
     until: float,
     *,
-    groups: list[NDArray[np.int32]] | None = None,
+    groups: list[Int32s] | None = None,
 ) -> Iterator[None]:
     """Anneal one whole sequence a thread until the share `until` is spent; yield at meetings.
 
@@ -108,13 +109,13 @@ def anneal_sequences(
 
 def anneal_rounds(
     incumbent: Incumbent,
-    near: NDArray[np.int32],
+    near: Int32s,
     threads: Threads,
     ends: tuple[float, ...],
     *,
     hot: float,
     cold: float,
-    group: NDArray[np.int32] | None = None,
+    group: Int32s | None = None,
 ) -> Iterator[None]:
     """Anneal whole sequences in rounds, each from the best so far; yield at meetings.
 
@@ -129,9 +130,7 @@ def anneal_rounds(
         yield from anneal_sequences(incumbent, sequences, threads, schedules, until, groups=groups)
 
 
-def descend_fully(
-    incumbent: Incumbent, near: NDArray[np.int32], group: NDArray[np.int32] | None = None
-) -> None:
+def descend_fully(incumbent: Incumbent, near: Int32s, group: Int32s | None = None) -> None:
     """Improve the best sequence until no nearby move does or the search is over.
 
     Moves stay within equal `group`, (n,). Each position looked at counts as an iteration.

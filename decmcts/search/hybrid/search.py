@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import Threads
 from decmcts.search.sequence.greedy import Greedy, layer_runs, nearest_in_layers
@@ -27,11 +28,11 @@ class HybridSearch:
 
     incumbent: Incumbent
     threads: Threads
-    by_layers: tuple[NDArray[np.int32], NDArray[np.uint8]] | None = None  # order, directions
+    by_layers: tuple[Int32s, NDArray[np.uint8]] | None = None  # order, directions
     layered: Sequence | None = None  # layer by layer, and worth annealing within layers
 
     @cached_property
-    def near(self) -> NDArray[np.int32]:
+    def near(self) -> Int32s:
         """Entry ports near each exit, see `near_ports`; found when first asked for."""
         return near_ports(self.incumbent.problem)
 

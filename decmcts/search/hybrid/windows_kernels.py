@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.random_kernels import below
 from decmcts.search.bounds.ideals_kernels import (
@@ -106,13 +107,13 @@ class Potentials(NamedTuple):
     sequence pays that of its last choice less that of its first.
     """
 
-    node: NDArray[np.int64]  # (w,) of each choice
-    value: NDArray[np.float64]  # (nodes,)
-    least: NDArray[np.float64]  # (k,) cheapest entry into each contour, with potentials
+    node: Ints  # (w,) of each choice
+    value: Floats  # (nodes,)
+    least: Floats  # (k,) cheapest entry into each contour, with potentials
 
 
 @kernel
-def _nodes_of(choices: Choices) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _nodes_of(choices: Choices) -> tuple[Ints, Ints]:
     """Return the node of each choice, (w,), and the first of each contour, (k + 1,).
 
     Each choice is one, but all of a loop that may be entered at many vertices are one
@@ -129,9 +130,7 @@ def _nodes_of(choices: Choices) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 @kernel
-def _travels(
-    choices: Choices, before: NDArray[np.uint64], node: NDArray[np.int64], nodes: int
-) -> NDArray[np.float64]:
+def _travels(choices: Choices, before: NDArray[np.uint64], node: Ints, nodes: int) -> Floats:
     """Return the least travel from node to node, (nodes, nodes), infinite where impossible."""
     k = len(before)
     travel = np.full((nodes, nodes), np.inf)
@@ -152,13 +151,7 @@ def _travels(
 
 
 @kernel
-def _entries(
-    travel: NDArray[np.float64],
-    first: NDArray[np.int64],
-    value: NDArray[np.float64],
-    least: NDArray[np.float64],
-    slope: NDArray[np.float64],
-) -> float:
+def _entries(travel: Floats, first: Ints, value: Floats, least: Floats, slope: Floats) -> float:
     """Mutate `least` and `slope`; return the sum of the cheapest entries, all but the first's.
 
     The slope is how that sum grows with each potential.
@@ -243,9 +236,7 @@ def _give_up(
 
 
 @kernel
-def _apply_order(
-    tour: Tour, first: int, choices: Choices, order: NDArray[np.int32], choice: NDArray[np.int64]
-) -> None:
+def _apply_order(tour: Tour, first: int, choices: Choices, order: Int32s, choice: Ints) -> None:
     """Mutate the tour: positions from `first` on in this order, in these choices."""
     n, k = len(tour.order), len(order)
     old = tour.order[first : first + k].copy()

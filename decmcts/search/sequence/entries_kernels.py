@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.search.sequence.metric_kernels import Metric, distance, points_of
 from decmcts.search.sequence.moves_kernels import Tour, port_in, port_out, refresh
@@ -25,7 +26,7 @@ def near_row(tour: Tour, c: int) -> int:
 
 
 @kernel
-def contour_of(port: int, n: int, entry_owner: NDArray[np.int32]) -> int:
+def contour_of(port: int, n: int, entry_owner: Int32s) -> int:
     """Return the contour of an entry in the near lists."""
     return int(port >> 1 if port < 2 * n else entry_owner[port - 2 * n])
 
@@ -116,13 +117,13 @@ def slide_entries(tour: Tour, p: int, entry: int, forward: bool, slack: float) -
 
 
 @kernel
-def point_in(n: int, is_reversed: NDArray[np.uint8], entry_id: NDArray[np.int32], c: int) -> int:
+def point_in(n: int, is_reversed: NDArray[np.uint8], entry_id: Int32s, c: int) -> int:
     """Return the point of the metric at which contour c of n is entered."""
     return int(2 * c + is_reversed[c] if entry_id[c] < 0 else 2 * n + 2 * entry_id[c])
 
 
 @kernel
-def point_out(n: int, is_reversed: NDArray[np.uint8], entry_id: NDArray[np.int32], c: int) -> int:
+def point_out(n: int, is_reversed: NDArray[np.uint8], entry_id: Int32s, c: int) -> int:
     """Return the point of the metric at which contour c of n is left."""
     return int(2 * c + 1 - is_reversed[c] if entry_id[c] < 0 else 2 * n + 2 * entry_id[c] + 1)
 
@@ -130,9 +131,9 @@ def point_out(n: int, is_reversed: NDArray[np.uint8], entry_id: NDArray[np.int32
 @kernel
 def visits_cost(
     metric: Metric,
-    order: NDArray[np.int32],
+    order: Int32s,
     is_reversed: NDArray[np.uint8],
-    entry_id: NDArray[np.int32],
+    entry_id: Int32s,
 ) -> float:
     """Return what the travels of a sequence cost, by entries rather than by ports."""
     n, total = len(order), 0.0
@@ -145,14 +146,7 @@ def visits_cost(
 
 
 @kernel
-def _ports_of(
-    c: int,
-    n: int,
-    reversible: NDArray[np.bool_],
-    offsets: NDArray[np.int64],
-    into: NDArray[np.int64],
-    out: NDArray[np.int64],
-) -> int:
+def _ports_of(c: int, n: int, reversible: Flags, offsets: Ints, into: Ints, out: Ints) -> int:
     """Mutate `into` and `out`: the ports of each choice for c; return how many there are."""
     count = offsets[c + 1] - offsets[c]
     if count > 1:
@@ -168,10 +162,10 @@ def _ports_of(
 @kernel
 def choose_visits(
     metric: Metric,
-    order: NDArray[np.int32],
-    reversible: NDArray[np.bool_],
-    offsets: NDArray[np.int64],
-) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+    order: Int32s,
+    reversible: Flags,
+    offsets: Ints,
+) -> tuple[NDArray[np.uint8], Int32s]:
     """Return the directions and entries, by contour, that are cheapest for a fixed order.
 
     Dynamic programme over the choices for each contour, O(n k²) for k entries. On

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s
 from decmcts.search.sequence.greedy_kernels import greedy_order
 from decmcts.search.sequence.incumbent import Incumbent
 
@@ -34,7 +35,7 @@ class Greedy:
                 return
 
 
-def buffers(heights: NDArray[np.float64]) -> Iterator[tuple[float, float]]:
+def buffers(heights: Floats) -> Iterator[tuple[float, float]]:
     """Yield (buffer, slab) heights in mm: unlimited, then slabs and sliding windows.
 
     Sizes are doubled from one layer to the whole print.
@@ -54,8 +55,8 @@ def buffers(heights: NDArray[np.float64]) -> Iterator[tuple[float, float]]:
 
 
 def nearest_feasible(
-    incumbent: Incumbent, key: NDArray[np.float64], *, buffer: float, slab: float = 0.0
-) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    incumbent: Incumbent, key: Floats, *, buffer: float, slab: float = 0.0
+) -> tuple[Int32s, NDArray[np.uint8]]:
     """Return order and directions of the nearest-feasible rule, see `greedy_order`."""
     problem, graph = incumbent.problem, incumbent.problem.graph
     return greedy_order(
@@ -71,13 +72,13 @@ def nearest_feasible(
     )
 
 
-def nearest_in_layers(incumbent: Incumbent) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+def nearest_in_layers(incumbent: Incumbent) -> tuple[Int32s, NDArray[np.uint8]]:
     """Return order and directions of the nearest-feasible rule, layer after layer."""
     runs = layer_runs(incumbent.problem.layer)
     return nearest_feasible(incumbent, runs.astype(np.float64), buffer=0.0)
 
 
-def layer_runs(layer: NDArray[np.int32]) -> NDArray[np.int32]:
+def layer_runs(layer: Int32s) -> Int32s:
     """Return the number of each contour's maximal run of equal layers, from 0, (n,)."""
     change = np.diff(layer) != 0
     return np.concatenate([[0], np.cumsum(change)]).astype(np.int32)[: len(layer)]

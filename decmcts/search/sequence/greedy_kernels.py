@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.search.sequence.metric_kernels import Metric, distance
 
@@ -16,11 +17,11 @@ from decmcts.search.sequence.metric_kernels import Metric, distance
 @kernel
 def _release(
     c: int,
-    waiting: NDArray[np.int32],
-    ready: NDArray[np.int32],
+    waiting: Int32s,
+    ready: Int32s,
     n_ready: int,
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
+    succ_offsets: Ints,
+    succs: Int32s,
 ) -> int:
     """Mutate `waiting` and `ready` for the printing of `c`; return the new ready count."""
     for e in range(succ_offsets[c], succ_offsets[c + 1]):
@@ -35,11 +36,11 @@ def _release(
 @kernel
 def nearest_ready(
     metric: Metric,
-    reversible: NDArray[np.bool_],
-    ready: NDArray[np.int32],
+    reversible: Flags,
+    ready: Int32s,
     n_ready: int,
     at: int,
-    key: NDArray[np.float64],
+    key: Floats,
     limit: float,
 ) -> tuple[int, int, float]:
     """Return slot in `ready`, direction and distance of the nearest to port `at`; slot -1: none.
@@ -63,15 +64,15 @@ def nearest_ready(
 @kernel
 def greedy_order(
     metric: Metric,
-    reversible: NDArray[np.bool_],
-    pred_offsets: NDArray[np.int64],
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
-    key: NDArray[np.float64],
-    by_key: NDArray[np.int64],
+    reversible: Flags,
+    pred_offsets: Ints,
+    succ_offsets: Ints,
+    succs: Int32s,
+    key: Floats,
+    by_key: Ints,
     buffer: float,
     slab: float,
-) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+) -> tuple[Int32s, NDArray[np.uint8]]:
     """Return the order and directions of the nearest-feasible rule within a buffer.
 
     Only contours are candidates whose key is at most `buffer` above the lowest

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.arguments import checked
+from decmcts.arrays import Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.search.sequence.entries_kernels import visits_cost
 from decmcts.search.sequence.metric_kernels import respects
@@ -52,10 +53,10 @@ class Incumbent:
         self.problem = problem
         self.stopping = stopping
         self.metric = problem.metric()
-        self.order: NDArray[np.int32] = np.arange(len(problem), dtype=np.int32)
+        self.order: Int32s = np.arange(len(problem), dtype=np.int32)
         self.reversed: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
         seams = problem.seams
-        self.entry_id: NDArray[np.int32] = (
+        self.entry_id: Int32s = (
             np.full(len(problem), -1, np.int32) if seams is None else seams.sliced
         )
         self.source_cost = visits_cost(self.metric, self.order, self.reversed, self.entry_id)
@@ -90,15 +91,15 @@ class Incumbent:
         return self._finished or self._ended or self.cost == 0.0
 
     @property
-    def history(self) -> NDArray[np.float64]:
+    def history(self) -> Floats:
         """Seconds, iterations and best cost at each improvement, (k, 3)."""
         return np.array(self._history, np.float64)
 
     def offer(
         self,
-        order: NDArray[np.int32],
+        order: Int32s,
         is_reversed: NDArray[np.uint8],
-        entry_id: NDArray[np.int32] | None = None,
+        entry_id: Int32s | None = None,
         *,
         by: str = "",
     ) -> bool:
@@ -126,8 +127,7 @@ class Incumbent:
         return self._take(order, is_reversed, entry_id, by)
 
     def _take(
-        self, order: NDArray[np.int32], is_reversed: NDArray[np.uint8],
-        entry_id: NDArray[np.int32], by: str = "",
+        self, order: Int32s, is_reversed: NDArray[np.uint8], entry_id: Int32s, by: str = "",
     ) -> bool:  # fmt: skip
         """Take a sequence that is whole if it is better, as `offer` does."""
         seams = self.problem.seams
@@ -150,7 +150,7 @@ class Incumbent:
         return True
 
     @checked
-    def offer_order(self, order: NDArray[np.int32]) -> bool:
+    def offer_order(self, order: Int32s) -> bool:
         """Offer an order, (n,), with the directions and entries that suit it best.
 
         Raises
@@ -189,7 +189,7 @@ class Incumbent:
             self.stopping, self._ended = usual, usual.ends(self.seconds, self.iterations)
 
 
-def whole_order(order: NDArray[np.int32], n: int) -> NDArray[np.int32]:
+def whole_order(order: Int32s, n: int) -> Int32s:
     """Return an order of n contours as kernels read it.
 
     Raises
@@ -203,7 +203,7 @@ def whole_order(order: NDArray[np.int32], n: int) -> NDArray[np.int32]:
     return given.astype(np.int32)
 
 
-def _allowed(entry_id: NDArray[np.int32], seams: Seams) -> bool:
+def _allowed(entry_id: Int32s, seams: Seams) -> bool:
     """Say whether contours with a choice have an entry of their own, and all others none."""
     choice = np.diff(seams.offsets) > 1
     within = (entry_id >= seams.offsets[:-1]) & (entry_id < seams.offsets[1:])

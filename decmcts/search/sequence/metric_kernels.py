@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 from numba.extending import overload, register_jitable
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import apart, kernel
 from decmcts.print.walls_kernels import SAME_Z_MM, Walls, bare, layer_at, over_either
 
@@ -26,9 +26,7 @@ NO_WALLS = -1.0  # for `Timed.bare_mm` where prices depend on no walls
 
 
 @kernel
-def respects(
-    order: NDArray[np.int32], succ_offsets: NDArray[np.int64], succs: NDArray[np.int32]
-) -> bool:
+def respects(order: Int32s, succ_offsets: Ints, succs: Int32s) -> bool:
     """Say whether `order` is a permutation that breaks no edge."""
     n = len(succ_offsets) - 1
     position = np.full(n, -1, np.int64)
@@ -46,7 +44,7 @@ def respects(
 
 
 @kernel
-def longest_hop(points: NDArray[np.float64], reversible: NDArray[np.bool_]) -> float:
+def longest_hop(points: Floats, reversible: Flags) -> float:
     """Return the longest travel from an exit of one contour to an entry of another, mm.
 
     Pairs are tried from the farthest from the centre inwards and cut off by the
@@ -77,7 +75,7 @@ class Timed(NamedTuple):
     outer walls are dearer. With a speed of 1 and no ramps the price is in mm.
     """
 
-    points: NDArray[np.float64]  # (2n + 2m, 3) mm: the ends of n contours, then of m entries
+    points: Floats  # (2n + 2m, 3) mm: the ends of n contours, then of m entries
     speed: float  # mm/s, level
     acceleration: float  # mm/s²
     z_speed: float  # mm/s, upright
@@ -93,10 +91,10 @@ class Timed(NamedTuple):
 class Matrix(NamedTuple):
     """Costs given pair by pair; contours have no ends of their own."""
 
-    costs: NDArray[np.float64]  # (n, n) from row to column
+    costs: Floats  # (n, n) from row to column
 
 
-Metric = NDArray[np.float64] | Timed | Matrix
+Metric = Floats | Timed | Matrix
 # an array is (2n + 2m, 3) points, priced in mm
 
 
@@ -231,12 +229,12 @@ def _costs_the_same_back(metric: Any, a: Any, b: Any) -> Any:
     return lambda metric, a, b: True
 
 
-def with_points(metric: Metric, points: NDArray[np.float64]) -> Metric:
+def with_points(metric: Metric, points: Floats) -> Metric:
     """Return the same price for other points, (2n + 2m, 3)."""
     return metric._replace(points=points) if isinstance(metric, Timed) else points
 
 
-def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
+def costliest(metric: Metric, points: Floats) -> Metric:
     """Return the price for other points, (2n + 2m, 3), as if all travels crossed walls."""
     if isinstance(metric, Timed):
         longer = 1.0 + metric.over
@@ -247,7 +245,7 @@ def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
     return with_points(metric, points)
 
 
-def points_of(metric: Metric) -> NDArray[np.float64]:
+def points_of(metric: Metric) -> Floats:
     """Return the metric's points, (2n + 2m, 3). Not of a matrix."""
     if isinstance(metric, Timed):
         return metric.points

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.search.sequence.metric_kernels import Metric, costs_the_same_back, distance
 from decmcts.search.sequence.timed_lags_kernels import (
@@ -36,23 +37,23 @@ class Tour(NamedTuple):
     """A complete sequence and all that moves on it need, as arrays."""
 
     metric: Metric  # prices travels between ports
-    reversible: NDArray[np.bool_]  # (n,) may be reversed
-    group: NDArray[np.int32]  # (n,) moves stay within one group; non-decreasing along the order
-    pred_offsets: NDArray[np.int64]  # (n + 1,)
-    preds: NDArray[np.int32]  # (m,)
-    succ_offsets: NDArray[np.int64]  # (n + 1,)
-    succs: NDArray[np.int32]  # (m,)
-    near: NDArray[np.int32]  # (2n + anchors, k) entry ports near each exit, -1 padded
-    entry_offsets: NDArray[np.int64]  # (n + 1,) possible entries of each contour
-    entry_owner: NDArray[np.int32]  # (m,) contour of each entry; empty where there are none
-    entry_row: NDArray[np.int32]  # (m,) row of `near` for the exit of each entry
-    entry_id: NDArray[np.int32]  # (n,) entry in use, -1: entered as sliced
-    order: NDArray[np.int32]  # (n,) contours in printing order
-    position: NDArray[np.int32]  # (n,) inverse of order
+    reversible: Flags  # (n,) may be reversed
+    group: Int32s  # (n,) moves stay within one group; non-decreasing along the order
+    pred_offsets: Ints  # (n + 1,)
+    preds: Int32s  # (m,)
+    succ_offsets: Ints  # (n + 1,)
+    succs: Int32s  # (m,)
+    near: Int32s  # (2n + anchors, k) entry ports near each exit, -1 padded
+    entry_offsets: Ints  # (n + 1,) possible entries of each contour
+    entry_owner: Int32s  # (m,) contour of each entry; empty where there are none
+    entry_row: Int32s  # (m,) row of `near` for the exit of each entry
+    entry_id: Int32s  # (n,) entry in use, -1: entered as sliced
+    order: Int32s  # (n,) contours in printing order
+    position: Int32s  # (n,) inverse of order
     reversed: NDArray[np.uint8]  # (n,) by contour
-    after: NDArray[np.float64]  # (n,) by contour: travel to the next one, 0 for the last
-    scratch: NDArray[np.int32]  # (n,)
-    mark: NDArray[np.bool_]  # (n,) all False between moves
+    after: Floats  # (n,) by contour: travel to the next one, 0 for the last
+    scratch: Int32s  # (n,)
+    mark: Flags  # (n,) all False between moves
     lags: LagState  # between contours that lie on each other
 
 
@@ -69,7 +70,7 @@ def port_out(is_reversed: NDArray[np.uint8], c: int) -> int:
 
 
 @kernel
-def port_in_reversed(is_reversed: NDArray[np.uint8], reversible: NDArray[np.bool_], c: int) -> int:
+def port_in_reversed(is_reversed: NDArray[np.uint8], reversible: Flags, c: int) -> int:
     """Return the port contour c is entered at once its segment is reversed."""
     return int(2 * c + (1 - is_reversed[c] if reversible[c] else is_reversed[c]))
 
@@ -107,12 +108,12 @@ def swap_change(tour: Tour, i: int, j: int, k: int) -> float:
 
 @kernel
 def edge_leads(
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    pred_offsets: NDArray[np.int64],
-    preds: NDArray[np.int32],
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
+    order: Int32s,
+    position: Int32s,
+    pred_offsets: Ints,
+    preds: Int32s,
+    succ_offsets: Ints,
+    succs: Int32s,
     i: int,
     j: int,
     k: int,
@@ -135,10 +136,10 @@ def edge_leads(
 
 @kernel
 def edge_inside(
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
+    order: Int32s,
+    position: Int32s,
+    succ_offsets: Ints,
+    succs: Int32s,
     i: int,
     k: int,
 ) -> bool:
@@ -152,14 +153,7 @@ def edge_inside(
 
 
 @kernel
-def exchange(
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    scratch: NDArray[np.int32],
-    i: int,
-    j: int,
-    k: int,
-) -> None:
+def exchange(order: Int32s, position: Int32s, scratch: Int32s, i: int, j: int, k: int) -> None:
     """Mutate order and position: exchange [i, j) and [j, k). O(k - i)."""
     left, right = j - i, k - j
     if left <= right:
@@ -177,7 +171,7 @@ def exchange(
 
 
 @kernel
-def reverse(order: NDArray[np.int32], position: NDArray[np.int32], i: int, k: int) -> None:
+def reverse(order: Int32s, position: Int32s, i: int, k: int) -> None:
     """Mutate order and position: reverse [i, k). O(k - i)."""
     a, b = i, k - 1
     while a < b:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Int32s
 from decmcts.search.sequence.neighbours_kernels import keep_possible
 from decmcts.search.sequence.problem import OrderProblem
 
@@ -13,7 +13,7 @@ WIDTH, POOL = 10, 40
 LAYER_SCALE = 40.0  # heights count this much more: most contours far above or below must wait
 
 
-def near_ports(problem: OrderProblem) -> NDArray[np.int32]:
+def near_ports(problem: OrderProblem) -> Int32s:
     """Return for each exit up to `WIDTH` entry ports near it, (2n + anchors, WIDTH), -1 padded.
 
     Port 2c is the start of contour c and 2c + 1 its end; 2n + o is entry o of a loop

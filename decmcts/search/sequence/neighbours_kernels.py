@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s, Ints
 from decmcts.compiled import kernel
 
 _MOST_VISITED = 300  # contours looked at around one; farther relatives stay candidates
@@ -13,10 +13,10 @@ _MOST_VISITED = 300  # contours looked at around one; farther relatives stay can
 @kernel
 def _mark_relatives(
     c: int,
-    stamp: NDArray[np.int32],
-    queue: NDArray[np.int32],
-    offsets: NDArray[np.int64],
-    others: NDArray[np.int32],
+    stamp: Int32s,
+    queue: Int32s,
+    offsets: Ints,
+    others: Int32s,
     skip_first: bool,
 ) -> None:
     """Mutate `stamp`: set it to c for relatives of c in one direction, nearest first.
@@ -42,16 +42,16 @@ def _mark_relatives(
 
 @kernel
 def keep_possible(
-    found: NDArray[np.int64],
+    found: Ints,
     width: int,
-    row_offsets: NDArray[np.int64],
-    entry_owner: NDArray[np.int32],
-    reversible: NDArray[np.bool_],
-    pred_offsets: NDArray[np.int64],
-    preds: NDArray[np.int32],
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
-) -> NDArray[np.int32]:
+    row_offsets: Ints,
+    entry_owner: Int32s,
+    reversible: Flags,
+    pred_offsets: Ints,
+    preds: Int32s,
+    succ_offsets: Ints,
+    succs: Int32s,
+) -> Int32s:
     """Return the first `width` ports of each row of `found` that may directly follow, -1 padded.
 
     Row q of `found` are ports by distance from exit q: rows 2c and 2c + 1 of contour

@@ -14,6 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -74,31 +75,31 @@ class Seams:
     A contour with one entry has no choice: its start and end are that entry's.
     """
 
-    offsets: NDArray[np.int64]  # (n + 1,) contour c owns entries offsets[c]:offsets[c + 1], >= 1
-    enter: NDArray[np.float64]  # (m, 3)
-    leave: NDArray[np.float64]  # (m, 3)
-    vertices: NDArray[np.int32]  # (m,) numbers of points within the contour
+    offsets: Ints  # (n + 1,) contour c owns entries offsets[c]:offsets[c + 1], >= 1
+    enter: Floats  # (m, 3)
+    leave: Floats  # (m, 3)
+    vertices: Int32s  # (m,) numbers of points within the contour
 
     @cached_property
-    def owner(self) -> NDArray[np.int32]:
+    def owner(self) -> Int32s:
         """Contour of each entry, (m,)."""
         return np.repeat(np.arange(len(self.offsets) - 1, dtype=np.int32), np.diff(self.offsets))
 
     @property
-    def sliced(self) -> NDArray[np.int32]:
+    def sliced(self) -> Int32s:
         """First entry of contours with a choice, the slicer's own if allowed; else -1, (n,)."""
         first = self.offsets[:-1].astype(np.int32)
         return np.where(np.diff(self.offsets) > 1, first, -1).astype(np.int32)
 
     @cached_property
-    def row_offsets(self) -> NDArray[np.int64]:
+    def row_offsets(self) -> Ints:
         """Contour c has anchors row_offsets[c]:row_offsets[c + 1], or none, (n + 1,)."""
         counts = np.diff(self.offsets)
         kept = np.where(counts > 1, np.minimum(counts, MOST_ANCHORS), 0)
         return np.concatenate([[0], np.cumsum(kept)]).astype(np.int64)
 
     @cached_property
-    def anchors(self) -> NDArray[np.int64]:
+    def anchors(self) -> Ints:
         """Entry in the middle of each run that shares a row of the near lists."""
         chosen = np.flatnonzero(np.diff(self.offsets)[self.owner] > 1)
         begins = np.flatnonzero(np.diff(self.rows[chosen], prepend=-1))
@@ -106,7 +107,7 @@ class Seams:
         return np.asarray(chosen[(begins + ends - 1) // 2])
 
     @cached_property
-    def rows(self) -> NDArray[np.int32]:
+    def rows(self) -> Int32s:
         """Row of the near lists for each entry; of no meaning without choice, (m,)."""
         counts, owner = np.diff(self.offsets)[self.owner], self.owner
         place = np.arange(len(owner)) - self.offsets[owner]
@@ -123,13 +124,13 @@ class OrderProblem:
     `graph`: the source is always a solution.
     """
 
-    start: NDArray[np.float64]  # (n, 3) first point as sliced, mm
-    end: NDArray[np.float64]  # (n, 3) last point as sliced, mm
-    reversible: NDArray[np.bool_]  # (n,) may be reversed
-    layer: NDArray[np.int32]  # (n,) layer index of the source
+    start: Floats  # (n, 3) first point as sliced, mm
+    end: Floats  # (n, 3) last point as sliced, mm
+    reversible: Flags  # (n,) may be reversed
+    layer: Int32s  # (n,) layer index of the source
     graph: DependencyGraph
     pace: Pace | None = None  # travels cost seconds instead of mm
-    costs: NDArray[np.float64] | None = None  # (n, n) bare costs instead of both
+    costs: Floats | None = None  # (n, n) bare costs instead of both
     seams: Seams | None = None  # where loops may be entered; None: as sliced
     timed_lags: TimedLags | None = None  # time between contours that lie on each other; None: any
 
@@ -202,7 +203,7 @@ class OrderProblem:
         )
 
     @staticmethod
-    def of_costs(costs: NDArray[np.float64], graph: DependencyGraph) -> OrderProblem:
+    def of_costs(costs: Floats, graph: DependencyGraph) -> OrderProblem:
         """Take bare costs, (n, n): nodes that lie nowhere and are never reversed."""
         n = graph.n
         nowhere, layer = np.zeros((n, 3)), np.zeros(n, np.int32)
@@ -223,9 +224,7 @@ class OrderProblem:
             points = np.concatenate([points, entries])
         return points if self.pace is None else _timed(points, self.pace)
 
-    def visits_for(
-        self, metric: Metric, order: NDArray[np.int32]
-    ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+    def visits_for(self, metric: Metric, order: Int32s) -> tuple[NDArray[np.uint8], Int32s]:
         """Return the directions and entries, by contour, that suit an order best.
 
         `metric` is the problem's own, whatever its ports have been changed to.
@@ -247,7 +246,7 @@ class OrderProblem:
         ends = np.array([[0.0, 0.0, 0.0], [level, 0.0, rise]])
         return float(distance(costliest(_timed(ends, self.pace), ends), 0, 1))
 
-    def ports(self) -> NDArray[np.float64]:
+    def ports(self) -> Floats:
         """Return the endpoints as (2n, 3): port 2c is the start of contour c, 2c + 1 its end."""
         return np.ascontiguousarray(np.stack([self.start, self.end], axis=1).reshape(-1, 3))
 
@@ -262,7 +261,7 @@ def _seams(contours: Contours, policy: SeamPolicy) -> Seams:
     )
 
 
-def _timed(points: NDArray[np.float64], pace: Pace) -> Timed:
+def _timed(points: Floats, pace: Pace) -> Timed:
     looks = pace.looks_at_walls
     return Timed(
         points, pace.speed, pace.acceleration, pace.z_speed, pace.z_acceleration, pace.hop_s,

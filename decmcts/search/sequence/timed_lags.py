@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.print.lags_kernels import Lags
 from decmcts.search.sequence.timed_lags_kernels import LagState, keeps_all, retime
 
@@ -24,21 +24,21 @@ class TimedLags:
     """
 
     lags: Lags
-    seconds: NDArray[np.float64]  # (n,) from the begin of each contour to that of the next
+    seconds: Floats  # (n,) from the begin of each contour to that of the next
 
     @staticmethod
-    def kept_by_source(lags: Lags, seconds: NDArray[np.float64]) -> TimedLags:
+    def kept_by_source(lags: Lags, seconds: Floats) -> TimedLags:
         """Return each lag, or the time the source leaves by these times where that is less."""
         ended = np.cumsum(seconds)
         above = _above(lags)
         given = ended[above] - seconds[above] - ended[lags.below]
         return TimedLags(lags._replace(seconds=np.clip(given, 0.0, lags.seconds)), seconds)
 
-    def keeps(self, order: NDArray[np.int32]) -> bool:
+    def keeps(self, order: Int32s) -> bool:
         """Say whether a sequence of all contours leaves enough time everywhere."""
         return bool(keeps_all(order, *self.lags, self.seconds))
 
-    def state(self, order: NDArray[np.int32], ids: NDArray[np.int32]) -> LagState:
+    def state(self, order: Int32s, ids: Int32s) -> LagState:
         """Return what moves need, for contours renumbered: number k is contour `ids[k]`, all n.
 
         `order` is a sequence of these numbers.
@@ -71,14 +71,12 @@ def no_lag_state() -> LagState:
     return LagState(offsets, ids, seconds, offsets, ids, seconds, 0.0, seconds, seconds)
 
 
-def _above(lags: Lags) -> NDArray[np.int64]:
+def _above(lags: Lags) -> Ints:
     """Return the contour that each lag is for, (m,)."""
     return np.repeat(np.arange(len(lags.offsets) - 1), np.diff(lags.offsets))
 
 
-def _rows(
-    key: NDArray[np.int32], value: NDArray[np.int32], seconds: NDArray[np.float64], n: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64]]:
+def _rows(key: Int32s, value: Int32s, seconds: Floats, n: int) -> tuple[Ints, Int32s, Floats]:
     """Return pairs as compressed rows by `key`."""
     order = np.argsort(key, kind="stable")
     offsets = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=n))]).astype(np.int64)

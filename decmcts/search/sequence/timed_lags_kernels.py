@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 SHORT_S = 1e-6  # rounding
@@ -22,19 +22,19 @@ SHORT_S = 1e-6  # rounding
 class LagState(NamedTuple):
     """What must pass between contours, and when each begins; without `under`, nothing."""
 
-    under_offsets: NDArray[np.int64]  # (n + 1,)
-    under: NDArray[np.int32]  # (m,) those under b: under[under_offsets[b]:under_offsets[b + 1]]
-    under_s: NDArray[np.float64]  # (m,) b begins no sooner than this after the end of each
-    over_offsets: NDArray[np.int64]  # (n + 1,) the same pairs, by the contour below
-    over: NDArray[np.int32]  # (m,)
-    over_s: NDArray[np.float64]  # (m,)
+    under_offsets: Ints  # (n + 1,)
+    under: Int32s  # (m,) those under b: under[under_offsets[b]:under_offsets[b + 1]]
+    under_s: Floats  # (m,) b begins no sooner than this after the end of each
+    over_offsets: Ints  # (n + 1,) the same pairs, by the contour below
+    over: Int32s  # (m,)
+    over_s: Floats  # (m,)
     longest: float  # of `under_s`
-    seconds: NDArray[np.float64]  # (n,) from the begin of each to that of the next
-    begin: NDArray[np.float64]  # (n,) by contour; written
+    seconds: Floats  # (n,) from the begin of each to that of the next
+    begin: Floats  # (n,) by contour; written
 
 
 @kernel
-def retime(lags: LagState, order: NDArray[np.int32], i: int, k: int) -> None:
+def retime(lags: LagState, order: Int32s, i: int, k: int) -> None:
     """Mutate `lags.begin`: when the contours at [i, k) begin. O(k - i)."""
     if len(lags.under) == 0:
         return
@@ -45,7 +45,7 @@ def retime(lags: LagState, order: NDArray[np.int32], i: int, k: int) -> None:
 
 
 @kernel
-def begins_at(lags: LagState, order: NDArray[np.int32], p: int) -> float:
+def begins_at(lags: LagState, order: Int32s, p: int) -> float:
     """Return when the contour at p begins; for p = n when all is done."""
     if p < len(order):
         return float(lags.begin[order[p]])
@@ -53,9 +53,7 @@ def begins_at(lags: LagState, order: NDArray[np.int32], p: int) -> float:
 
 
 @kernel
-def follows_too_soon(
-    lags: LagState, position: NDArray[np.int32], c: int, begin: float, first: int
-) -> bool:
+def follows_too_soon(lags: LagState, position: Int32s, c: int, begin: float, first: int) -> bool:
     """Say whether c, beginning then, comes too soon after something before position `first`."""
     for e in range(lags.under_offsets[c], lags.under_offsets[c + 1]):
         a = lags.under[e]
@@ -66,9 +64,7 @@ def follows_too_soon(
 
 
 @kernel
-def precedes_too_late(
-    lags: LagState, position: NDArray[np.int32], c: int, end: float, last: int
-) -> bool:
+def precedes_too_late(lags: LagState, position: Int32s, c: int, end: float, last: int) -> bool:
     """Say whether c, ending then, comes too late for something at position `last` or behind."""
     for e in range(lags.over_offsets[c], lags.over_offsets[c + 1]):
         b = lags.over[e]
@@ -78,14 +74,7 @@ def precedes_too_late(
 
 
 @kernel
-def swap_keeps(
-    lags: LagState,
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    i: int,
-    j: int,
-    k: int,
-) -> bool:
+def swap_keeps(lags: LagState, order: Int32s, position: Int32s, i: int, j: int, k: int) -> bool:
     """Say whether exchanging [i, j) and [j, k) keeps all lags with what lies outside."""
     if len(lags.under) == 0:
         return True
@@ -108,9 +97,7 @@ def swap_keeps(
 
 
 @kernel
-def reversal_keeps(
-    lags: LagState, order: NDArray[np.int32], position: NDArray[np.int32], i: int, k: int
-) -> bool:
+def reversal_keeps(lags: LagState, order: Int32s, position: Int32s, i: int, k: int) -> bool:
     """Say whether reversing [i, k), nothing in which is related, keeps all lags."""
     if len(lags.under) == 0:
         return True
@@ -134,9 +121,9 @@ def reversal_keeps(
 @kernel
 def rearranging_keeps(
     lags: LagState,
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
-    wanted: NDArray[np.int32],
+    order: Int32s,
+    position: Int32s,
+    wanted: Int32s,
     first: int,
     last: int,
 ) -> bool:
@@ -163,11 +150,11 @@ def rearranging_keeps(
 
 @kernel
 def keeps_all(
-    order: NDArray[np.int32],
-    offsets: NDArray[np.int64],
-    under: NDArray[np.int32],
-    under_s: NDArray[np.float64],
-    seconds: NDArray[np.float64],
+    order: Int32s,
+    offsets: Ints,
+    under: Int32s,
+    under_s: Floats,
+    seconds: Floats,
 ) -> bool:
     """Say whether no contour of a sequence begins too soon after one that lies under it."""
     now = 0.0

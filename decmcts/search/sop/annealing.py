@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import below
 from decmcts.search.sequence.incumbent import Incumbent
@@ -50,18 +51,12 @@ _NEAR = 8  # by cost, and as many by reduced cost
 class NearSteps:
     """Cheap steps from each node, and how far their costs lie apart: what temperatures go by."""
 
-    near: NDArray[np.int32]  # (n, k) nodes: half by cost, half by reduced cost; -1 padded
+    near: Int32s  # (n, k) nodes: half by cost, half by reduced cost; -1 padded
     scale: float  # mean cost beyond that of the cheapest, over the k cheapest of each node
     are_distances: bool  # every step that may go both ways costs the same both ways
 
     @staticmethod
-    def of(
-        costs: NDArray[np.float64],
-        reduced: NDArray[np.float64],
-        possible: NDArray[np.bool_],
-        *,
-        least: float = 0.0,
-    ) -> NearSteps:
+    def of(costs: Floats, reduced: Floats, possible: Flags, *, least: float = 0.0) -> NearSteps:
         """Return those of (n, n) costs; the scale is `least` or more."""
         by_cost = _nearest(costs, possible, 2 * _NEAR)
         near = [by_cost[:, :_NEAR], _nearest(reduced, possible, _NEAR)]
@@ -71,7 +66,7 @@ class NearSteps:
             bool((costs == costs.T)[possible & possible.T].all()),
         )
 
-    def bare(self, costs: NDArray[np.float64], graph: DependencyGraph) -> Bare:
+    def bare(self, costs: Floats, graph: DependencyGraph) -> Bare:
         """Return what annealing works on: the nodes in order of their numbers."""
         n = len(costs)
         nodes = np.arange(n, dtype=np.int32)
@@ -96,7 +91,7 @@ class Annealer:
     length: int = 0  # proposals of the present annealing, 0: as many as the budget allows
     done: int = 0  # proposals made in it
     pace: float = np.inf  # proposals for the whole budget, once known
-    _found: NDArray[np.int32] | None = None  # the best, since it was last offered
+    _found: Int32s | None = None  # the best, since it was last offered
     _quota: int = 0  # of the slice before
     _spent: float = np.inf  # budget spent when it began
 
@@ -132,7 +127,7 @@ class Annealer:
             self.best, self._found = self.cost, self.bare.order.copy()
         return step
 
-    def take(self, order: NDArray[np.int32], cost: float) -> None:
+    def take(self, order: Int32s, cost: float) -> None:
         """Go on from another sequence."""
         self.bare.order[:] = order
         self.bare.position[order] = np.arange(len(order))
@@ -214,9 +209,7 @@ def luby(k: int) -> int:
     return (k + 1) >> 1
 
 
-def _nearest(
-    costs: NDArray[np.float64], possible: NDArray[np.bool_], width: int
-) -> NDArray[np.int32]:
+def _nearest(costs: Floats, possible: Flags, width: int) -> Int32s:
     """Return the cheapest possible successors of each node, cheapest first; -1 padded."""
     table = np.where(possible, costs, np.inf)
     nodes = np.argsort(table, axis=1, kind="stable")[:, :width]
@@ -224,7 +217,7 @@ def _nearest(
     return np.where(there, nodes, -1).astype(np.int32)
 
 
-def _mean_excess(costs: NDArray[np.float64], near: NDArray[np.int32]) -> float:
+def _mean_excess(costs: Floats, near: Int32s) -> float:
     """Return how much more steps to near nodes cost than the cheapest of them, in the mean."""
     there = near >= 0
     found = np.take_along_axis(costs, np.maximum(near, 0), axis=1)
@@ -247,14 +240,14 @@ class Elites:
 
     most: int
     costs: list[float] = field(default_factory=list)
-    orders: list[NDArray[np.int32]] = field(default_factory=list)
+    orders: list[Int32s] = field(default_factory=list)
 
     @property
     def full(self) -> bool:
         """Whether a new one takes another's place."""
         return len(self.costs) == self.most
 
-    def add(self, cost: float, order: NDArray[np.int32], *, least_gain: float) -> bool:
+    def add(self, cost: float, order: Int32s, *, least_gain: float) -> bool:
         """Keep a copy of a sequence if it is among the best and new; tell whether it is."""
         if any(abs(cost - other) < least_gain for other in self.costs):
             return False
@@ -268,7 +261,7 @@ class Elites:
             self.orders.append(order.copy())
         return True
 
-    def following(self) -> NDArray[np.int32]:
+    def following(self) -> Int32s:
         """Return the node after each in every elite, (n, elites); -1 after the last."""
         table = np.full((len(self.orders[0]), len(self.orders)), -1, np.int32)
         for column, order in enumerate(self.orders):
@@ -322,7 +315,7 @@ class EliteAnnealer(Annealer):
         longest = _LENGTH[self.long] * n << self._dropped
         self.length, self.done = int(min(max(share, LEAST * n), longest)), 0
 
-    def _near(self) -> NDArray[np.int32]:
+    def _near(self) -> Int32s:
         """Return (n, k) nodes that may follow: those that do in elites, and the cheapest."""
         near, half = self.steps.near, self.steps.near.shape[1] // 2
         cheapest = (near[:, :_CHEAPEST], near[:, half : half + _CHEAPEST])

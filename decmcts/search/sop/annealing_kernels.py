@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.random_kernels import below, length_up_to, uniform
 from decmcts.search.sequence.moves_kernels import edge_inside, edge_leads, exchange, reverse
@@ -33,15 +34,15 @@ class Shares(NamedTuple):
 class Bare(NamedTuple):
     """A sequence of nodes and all that moves on it need, as arrays; node 0 first, n − 1 last."""
 
-    costs: NDArray[np.float64]  # (n, n) from row to column
-    near: NDArray[np.int32]  # (n, k) nodes that may directly follow, -1 padded
-    pred_offsets: NDArray[np.int64]  # (n + 1,)
-    preds: NDArray[np.int32]  # (m,)
-    succ_offsets: NDArray[np.int64]  # (n + 1,)
-    succs: NDArray[np.int32]  # (m,)
-    order: NDArray[np.int32]  # (n,)
-    position: NDArray[np.int32]  # (n,) inverse of order
-    scratch: NDArray[np.int32]  # (n,)
+    costs: Floats  # (n, n) from row to column
+    near: Int32s  # (n, k) nodes that may directly follow, -1 padded
+    pred_offsets: Ints  # (n + 1,)
+    preds: Int32s  # (m,)
+    succ_offsets: Ints  # (n + 1,)
+    succs: Int32s  # (m,)
+    order: Int32s  # (n,)
+    position: Int32s  # (n,) inverse of order
+    scratch: Int32s  # (n,)
 
 
 @kernel
@@ -101,10 +102,10 @@ def anneal_bare(
 
 @kernel
 def _follow(
-    costs: NDArray[np.float64],
-    near: NDArray[np.int32],
-    order: NDArray[np.int32],
-    position: NDArray[np.int32],
+    costs: Floats,
+    near: Int32s,
+    order: Int32s,
+    position: Int32s,
     first: int,
     last: int,
     reach: float,
@@ -139,9 +140,7 @@ def _follow(
 
 
 @kernel
-def _exchange_change(
-    costs: NDArray[np.float64], order: NDArray[np.int32], i: int, j: int, k: int
-) -> float:
+def _exchange_change(costs: Floats, order: Int32s, i: int, j: int, k: int) -> float:
     """Return the cost change of exchanging [i, j) and [j, k), neither at an end. O(1)."""
     before, first, middle, right = order[i - 1], order[i], order[j - 1], order[j]
     last, beyond = order[k - 1], order[k]
@@ -150,9 +149,7 @@ def _exchange_change(
 
 
 @kernel
-def _reversal_change(
-    costs: NDArray[np.float64], order: NDArray[np.int32], i: int, k: int, slack: float
-) -> float:
+def _reversal_change(costs: Floats, order: Int32s, i: int, k: int, slack: float) -> float:
     """Return the cost change of reversing [i, k), inf if that is above `slack`. O(k - i)."""
     before, first, last, beyond = order[i - 1], order[i], order[k - 1], order[k]
     change = costs[before, last] + costs[first, beyond] - costs[before, first] - costs[last, beyond]

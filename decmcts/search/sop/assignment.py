@@ -27,11 +27,11 @@ import heapq
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.search.sop.precedence import Precedence
 
 
@@ -40,11 +40,11 @@ class Assignment:
     """The cheapest assignment of successors. Node 0 is first, node n − 1 last."""
 
     bound: float  # its cost: no sequence is cheaper
-    reduced: NDArray[np.float64]  # (n, n) >= 0; a sequence costs `bound` more in real costs
-    following: NDArray[np.int64]  # (n,) successor of each node; of the last one, the first
+    reduced: Floats  # (n, n) >= 0; a sequence costs `bound` more in real costs
+    following: Ints  # (n,) successor of each node; of the last one, the first
 
 
-def assign(costs: NDArray[np.float64], possible: NDArray[np.bool_]) -> Assignment:
+def assign(costs: Floats, possible: Flags) -> Assignment:
     """Solve the assignment problem over the possible steps. O(n³)."""
     n = len(costs)
     dear = 1.0 + 2.0 * n * float(costs.max(initial=0.0))
@@ -60,7 +60,7 @@ def assign(costs: NDArray[np.float64], possible: NDArray[np.bool_]) -> Assignmen
     return Assignment(bound, np.maximum(reduced, 0.0), following)
 
 
-def _prices(table: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np.float64]:
+def _prices(table: Floats, column: Ints) -> Floats:
     """Return the dual variables of the columns: shortest paths in the residual graph."""
     taken = table[np.arange(len(table)), column]
     prices = np.zeros(len(table))
@@ -72,7 +72,7 @@ def _prices(table: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np
     return prices
 
 
-def patch_cycles(table: NDArray[np.float64], following: NDArray[np.int64]) -> NDArray[np.int64]:
+def patch_cycles(table: Floats, following: Ints) -> Ints:
     """Return a sequence: an assignment's cycles patched to one, the two largest at a time.
 
     It starts with node 0 and ends with n − 1 but may break precedence. `table` (n, n) holds
@@ -112,7 +112,7 @@ class Branch:
     bound: float
     depth: int  # negative: of equal bounds the deepest first
     number: int
-    following: NDArray[np.int64] = field(compare=False)  # (n,) their cheapest assignment
+    following: Ints = field(compare=False)  # (n,) their cheapest assignment
     kept: tuple[NodePair, ...] = field(compare=False)
     forbidden: tuple[NodePair, ...] = field(compare=False)
 
@@ -121,7 +121,7 @@ class Branch:
 class AssignmentTree:
     """The search tree; mutable. Node 0 is first, node n − 1 last."""
 
-    table: NDArray[np.float64]  # (n, n) reduced costs; impossible steps are infinite
+    table: Floats  # (n, n) reduced costs; impossible steps are infinite
     precedence: Precedence
     open: list[Branch] = field(default_factory=list)
     made: int = 0
@@ -135,7 +135,7 @@ class AssignmentTree:
         """No sequence costs less, or else less than the limit of the last `step`."""
         return self.open[0].bound if self.open else np.inf
 
-    def step(self, below: float) -> NDArray[np.int64] | None:
+    def step(self, below: float) -> Ints | None:
         """Branch once, on what may cost less than `below`; return a relaxed sequence, if any.
 
         It starts with node 0 and ends with n − 1 but may break precedence.
@@ -192,7 +192,7 @@ class AssignmentTree:
         nodes = min(clashes, key=lambda nodes: sum(a not in fixed for a in nodes))
         return [(a, int(after[a])) for a in nodes]
 
-    def _broken(self, after: NDArray[np.int64]) -> list[int]:
+    def _broken(self, after: Ints) -> list[int]:
         """Return what a shortest run of the first node's path that breaks order leaves."""
         path = [0]
         while path[-1] != len(after) - 1:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.search.sop.beam_kernels import (
     BeamProblem,
     Children,
@@ -44,12 +45,12 @@ class Beam:
     their end.
     """
 
-    costs: NDArray[np.float64]  # (n, n)
+    costs: Floats  # (n, n)
     precedence: Precedence
     seed: int
     backward: bool = False
     width: int = 1
-    found: NDArray[np.int64] | None = None  # cheapest sequence of the last finished run
+    found: Ints | None = None  # cheapest sequence of the last finished run
     found_cost: float = np.inf  # reduced
     exhausted: bool = False  # a run has dropped nothing: there is nothing below its limit
     _rules: BeamProblem = field(init=False)
@@ -58,7 +59,7 @@ class Beam:
     _level: Level = field(init=False)
     _children: Children = field(init=False)
     _stand: Expansion = field(init=False)
-    _trail: list[tuple[NDArray[np.int32], NDArray[np.int32]]] = field(init=False)
+    _trail: list[tuple[Int32s, Int32s]] = field(init=False)
     _dropped: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -152,7 +153,7 @@ class Beam:
             self._rules = self._rules._replace(words_of=words)
         self._begin()
 
-    def _walk_back(self) -> NDArray[np.int64]:
+    def _walk_back(self) -> Ints:
         """Return the cheapest sequence of the last level."""
         k, order = int(np.argmin(self._level.cost)), []
         for parent, node in reversed(self._trail):
@@ -173,7 +174,7 @@ def _new_level(count: int, words: int) -> Level:
     )
 
 
-def _bit_rows(rows: NDArray[np.bool_]) -> NDArray[np.uint64]:
+def _bit_rows(rows: Flags) -> NDArray[np.uint64]:
     """Return each row as words of 64 bits."""
     n, words = len(rows), (rows.shape[1] + 63) // 64
     padded = np.zeros((n, 64 * words), np.bool_)

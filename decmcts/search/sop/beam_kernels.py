@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 _EMPTY = np.int64(-1)
@@ -29,18 +30,18 @@ _UNIT = 2.0**-53
 class BeamProblem(NamedTuple):
     """The problem as the beam needs it."""
 
-    costs: NDArray[np.float64]  # (n, n) reduced costs, >= 0
+    costs: Floats  # (n, n) reduced costs, >= 0
     needed: NDArray[np.uint64]  # (n, words) bits of the nodes that must come before each
-    succ_offsets: NDArray[np.int64]  # (n + 1,) of the reduced precedence
-    succs: NDArray[np.int32]  # (m,)
+    succ_offsets: Ints  # (n + 1,) of the reduced precedence
+    succs: Int32s  # (m,)
     words_of: NDArray[np.uint64]  # (n, 2) random words: of a node in a set, of a last node
 
 
 class Level(NamedTuple):
     """The states with equally many nodes placed."""
 
-    last: NDArray[np.int32]  # (width,)
-    cost: NDArray[np.float64]  # (width,)
+    last: Int32s  # (width,)
+    cost: Floats  # (width,)
     mixed: NDArray[np.uint64]  # (width,) exclusive or of the random words of the set
     placed: NDArray[np.uint64]  # (width, words) the set
     ready: NDArray[np.uint64]  # (width, words) nodes that may come next
@@ -49,11 +50,11 @@ class Level(NamedTuple):
 class Children(NamedTuple):
     """Candidates for the next level; room for several times the width."""
 
-    parent: NDArray[np.int32]  # (room,)
-    node: NDArray[np.int32]  # (room,)
-    cost: NDArray[np.float64]  # (room,)
+    parent: Int32s  # (room,)
+    node: Int32s  # (room,)
+    cost: Floats  # (room,)
     key: NDArray[np.uint64]  # (room,) identifies set and last node
-    table: NDArray[np.int64]  # (slots,) hash table of children, a power of two
+    table: Ints  # (slots,) hash table of children, a power of two
 
 
 class Expansion(NamedTuple):

@@ -10,8 +10,8 @@ import heapq
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s, Ints
 from decmcts.errors import InputError
 
 
@@ -19,19 +19,19 @@ from decmcts.errors import InputError
 class Precedence:
     """Which node must come before which, in a numbering that is a linear extension."""
 
-    original: NDArray[np.int32]  # (n,) the caller's number of each node
-    before: NDArray[np.bool_]  # (n, n) closure: row somewhere before column; strictly upper
-    direct: NDArray[np.bool_]  # (n, n) transitive reduction of `before`
+    original: Int32s  # (n,) the caller's number of each node
+    before: Flags  # (n, n) closure: row somewhere before column; strictly upper
+    direct: Flags  # (n, n) transitive reduction of `before`
 
     @property
-    def possible(self) -> NDArray[np.bool_]:
+    def possible(self) -> Flags:
         """Which column may directly follow which row, (n, n)."""
         steps = ~self.before.T & (self.direct | ~self.before)
         np.fill_diagonal(steps, False)
         return steps
 
     @property
-    def pairs(self) -> NDArray[np.int32]:
+    def pairs(self) -> Int32s:
         """The reduction's edges, (m, 2) rows (a, b)."""
         return np.argwhere(self.direct).astype(np.int32)
 
@@ -43,12 +43,12 @@ class Precedence:
             np.ascontiguousarray(self.direct.T[::-1, ::-1]),
         )
 
-    def repaired(self, order: NDArray[np.int64]) -> NDArray[np.int32]:
+    def repaired(self, order: Ints) -> Int32s:
         """Return a linear extension near `order`: always the first in it of those that may come."""
         return order[_linear_extension(self.direct[np.ix_(order, order)])].astype(np.int32)
 
     @staticmethod
-    def of(n: int, pairs: NDArray[np.int32]) -> Precedence:
+    def of(n: int, pairs: Int32s) -> Precedence:
         """Return (m, 2) rows (a, b), a before b, renumbered, closed and reduced. O(n · m).
 
         Raises
@@ -68,7 +68,7 @@ class Precedence:
         return Precedence(original, before, direct)
 
 
-def _linear_extension(edges: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _linear_extension(edges: Flags) -> Int32s:
     """Return the nodes in an order that breaks no edge, lowest numbers first."""
     missing = edges.sum(axis=0)
     ready = [int(node) for node in np.flatnonzero(missing == 0)]
@@ -88,7 +88,7 @@ def _linear_extension(edges: NDArray[np.bool_]) -> NDArray[np.int32]:
     return np.array(order, np.int32)
 
 
-def _cycle(edges: NDArray[np.bool_], left: NDArray[np.bool_]) -> list[str]:
+def _cycle(edges: Flags, left: Flags) -> list[str]:
     """Return the nodes of one cycle, numbered from 1; every node left has one before it."""
     walk, node = [], int(np.flatnonzero(left)[0])
     while node not in walk:

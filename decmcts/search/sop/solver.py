@@ -23,8 +23,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.bare.sop import MOST_COST
@@ -41,11 +41,11 @@ from decmcts.search.sop.threads import TwoThreads
 class SopResult:
     """The best sequence found, and what is proven of it."""
 
-    order: NDArray[np.int32]  # (n,) nodes as the caller numbers them, from 0
+    order: Int32s  # (n,) nodes as the caller numbers them, from 0
     cost: float
     bound: float  # no sequence costs less; equals `cost` where that is proven optimal
     iterations: int  # partial sequences looked at, moves proposed; an assignment counts n² / 4
-    history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
+    history: Floats  # (k, 3) seconds, iterations, cost at each improvement
     found_by: str  # "start", "beam", "annealing" or "assignments"
     seed: int
 
@@ -58,8 +58,8 @@ class SopResult:
 
 
 def search_sop(
-    costs: NDArray[np.float64],
-    precedence: NDArray[np.int32],
+    costs: Floats,
+    precedence: Int32s,
     *,
     stopping: Stopping,
     seed: int = 0,
@@ -73,9 +73,9 @@ def search_sop(
 
     Parameters
     ----------
-    costs : NDArray[np.float64]
+    costs : Floats
         (n, n) cost of going from row to column, 0 to `MOST_COST`; the diagonal is not used.
-    precedence : NDArray[np.int32]
+    precedence : Int32s
         (m, 2) rows (a, b): a somewhere before b. May be redundant.
     stopping : Stopping
         What ends the search. Its seconds include preparations; iterations are partial
@@ -123,9 +123,7 @@ def search_sop(
     )
 
 
-def _checked(
-    costs: NDArray[np.float64], precedence: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _checked(costs: Floats, precedence: Int32s) -> tuple[Floats, Int32s]:
     """Return costs and pairs as arrays of their own, or raise InputError."""
     bare = np.array(costs, np.float64)
     if bare.ndim != 2 or bare.shape[0] != bare.shape[1]:
@@ -145,7 +143,7 @@ def _checked(
     return bare, pairs.astype(np.int32)
 
 
-def _with_ends(n: int, pairs: NDArray[np.int32]) -> tuple[int, NDArray[np.int32]]:
+def _with_ends(n: int, pairs: Int32s) -> tuple[int, Int32s]:
     """Return (n, pairs) with a first and a last node that cost nothing, n and n + 1.
 
     Prices then add up to the same for every sequence.

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.random_kernels import seeded
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.metric_kernels import Matrix
@@ -57,7 +57,7 @@ class BeamThread:
     best: float = np.inf  # cost of the best sequence this thread has found
     exhausted: bool = False  # nothing better is left
     below: float = np.inf  # sequences have to cost less
-    _found: list[NDArray[np.int64]] = field(default_factory=list)  # since the last meeting
+    _found: list[Ints] = field(default_factory=list)  # since the last meeting
     _bests: list[float] = field(default_factory=list)  # by beam
 
     def __post_init__(self) -> None:
@@ -100,11 +100,11 @@ class TreeThread:
     """Branch and bound over assignments; the relaxed sequences are repaired."""
 
     tree: AssignmentTree
-    costs: NDArray[np.float64]  # (n, n)
+    costs: Floats  # (n, n)
     bound: float  # what to add to reduced costs
     least_gain: float
     below: float = np.inf
-    _found: NDArray[np.int32] | None = None
+    _found: Int32s | None = None
 
     @property
     def exhausted(self) -> bool:
@@ -218,7 +218,7 @@ class TwoThreads:
         return NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
 
     @property
-    def costs(self) -> NDArray[np.float64]:
+    def costs(self) -> Floats:
         """Return the real costs, (n, n)."""
         metric = self.incumbent.metric
         assert isinstance(metric, Matrix)

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -40,7 +41,6 @@ NEAR = 200  # ends of contours that are looked at from each end
 MOST_PAIRS = 4_000_000  # of ends; of large prints fewer ends are looked at from each
 LEAST_NEAR = 8
 ROUNDING = 1e-9  # mm
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class TravelShares:
         """Return what the first and the last contours of so many heads may go without."""
         return heads * float(self.leaving.max(initial=0.0) + self.entering.max(initial=0.0))
 
-    def spent(self, heads: int, contours: NDArray[np.bool_] | slice = slice(None)) -> float:
+    def spent(self, heads: int, contours: Flags | slice = slice(None)) -> float:
         """Return what so many heads spend at least between contours of these."""
         both = self.leaving[contours] + self.entering[contours]
         return max(float(both.sum()) - self.without(heads), 0.0)
@@ -160,7 +160,7 @@ class Ends:
     """Points at which contours may be left, or entered."""
 
     points: Floats  # (k, 3) mm
-    contour: NDArray[np.int64]  # (k,)
+    contour: Ints  # (k,)
 
 
 def ends_of(contours: Contours, entries: SeamEntries | None) -> tuple[Ends, Ends]:
@@ -184,8 +184,8 @@ def ends_of(contours: Contours, entries: SeamEntries | None) -> tuple[Ends, Ends
 class _Pairs:
     """Different contours near to each other, and what is left for all others."""
 
-    tail: NDArray[np.int64]  # (m,)
-    head: NDArray[np.int64]  # (m,)
+    tail: Ints  # (m,)
+    head: Ints  # (m,)
     seconds: Floats  # (m,) of the shortest travel from the one to the other
     leaving: Floats  # (n,) shares that keep to all travels
     entering: Floats  # (n,) to contours that are not listed
@@ -215,7 +215,7 @@ def _near_pairs(outs: Ends, ins: Ends, n: int, pace: FastestTravel) -> _Pairs:
     return _Pairs(tail[first], head[first], least, leaving, entering)
 
 
-def _nearest(ends: Ends, others: Ends, count: int) -> tuple[Floats, NDArray[np.int64]]:
+def _nearest(ends: Ends, others: Ends, count: int) -> tuple[Floats, Ints]:
     """Return how far the nearest others are from each end, mm, and their contours, (k, count)."""
     wanted = np.arange(count) + 1
     length, found = cKDTree(others.points).query(ends.points, wanted, workers=-1)
@@ -229,9 +229,7 @@ def _least_of(contour: NDArray[Any], values: Floats, n: int) -> Floats:
     return least
 
 
-def _possible(
-    pairs: _Pairs, graph: DependencyGraph, seconds: Floats
-) -> tuple[NDArray[np.bool_], Floats]:
+def _possible(pairs: _Pairs, graph: DependencyGraph, seconds: Floats) -> tuple[Flags, Floats]:
     """Tell which contours a head may print one after the other, and what it must wait, (m,) each.
 
     Other contours may have to be printed between the two: one that lies on the first, and one
@@ -254,8 +252,8 @@ def _possible(
 
 
 def _shares(
-    tail: NDArray[np.int64],
-    head: NDArray[np.int64],
+    tail: Ints,
+    head: Ints,
     least: Floats,
     most_leaving: Floats,
     most_entering: Floats,

@@ -26,8 +26,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -47,8 +47,6 @@ from decmcts.team.engine.spaces_kernels import cut_pieces
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
 NO_RAMP = 1e15  # mm/s²: any feed is reached at once
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +235,7 @@ def _whole_from_any(held: RailUse, contours: Contours, axis: int, entries: SeamE
 
 
 def least_times(
-    job: PrintJob, machine: Machine, eligible: NDArray[np.bool_], entries: SeamEntries | None = None
+    job: PrintJob, machine: Machine, eligible: Flags, entries: SeamEntries | None = None
 ) -> tuple[Floats, Floats]:
     """Return the least times over the heads that may print each contour, and over its entries.
 
@@ -289,7 +287,7 @@ def least_times(
     return contour, segment
 
 
-def choices(entries: SeamEntries | None, n: int) -> Iterator[NDArray[np.int32]]:
+def choices(entries: SeamEntries | None, n: int) -> Iterator[Int32s]:
     """Yield vertices of all contours, (n,), until each contour had all it may be entered at."""
     yield np.zeros(n, np.int32)
     if entries is None:

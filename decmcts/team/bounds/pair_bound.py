@@ -17,10 +17,10 @@ inwards until there are few enough different ones.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.machine import Machine
 from decmcts.team.bounds.rail_bound import RailUse, whole_of
 from decmcts.team.engine.space import relation_of
@@ -29,9 +29,6 @@ from decmcts.team.engine.spaces_kernels import TOUCH
 CELL_MM = 1.0  # that they are rounded to; cells double until there are few enough
 MOST_SPACES = 2_000
 MOST_FLOW = 2.0**29  # of all; the solver's whole numbers have 32 bits
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 def pair_bound(
@@ -97,7 +94,7 @@ def _spaces(along_x: RailUse, along_y: RailUse, most: int) -> tuple[Floats, Ints
         cell *= 2.0
 
 
-def _clear(a: Floats, b: Floats, relation: Floats) -> Bools:
+def _clear(a: Floats, b: Floats, relation: Floats) -> Flags:
     """Return where a head in a space of `a` and the other in one of `b` cannot meet, (k, k)."""
     least = b[None, :, 0::2] - a[:, None, 1::2]
     most = b[None, :, 1::2] - a[:, None, 0::2]
@@ -108,7 +105,7 @@ def _clear(a: Floats, b: Floats, relation: Floats) -> Bools:
     return ~near
 
 
-def cover_prices(clear: Bools, work: Floats) -> Floats:
+def cover_prices(clear: Flags, work: Floats) -> Floats:
     """Return prices of which any two that are clear have at least 1 together, (k,).
 
     Of the least cover in the double cover of the graph: left nodes that no more flow can

@@ -24,16 +24,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import linprog
+
+from decmcts.arrays import Flags, Floats, Ints
 
 CELLS = 100  # of a separation; more are tighter and slower
 MOST_CELLS = 960  # along the rail
 MOST_PLACES = 20_000  # different ones; cells double until there are no more than this
 COARSEST = 16  # cells of travels grow first, up to so many times as large as those of prints
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class RailUse(NamedTuple):
@@ -43,7 +42,7 @@ class RailUse(NamedTuple):
     high: Floats  # (k,)
     seconds: Floats  # (k,)
     choice: Ints  # (k,) it belongs to: 2 c is contour c as sliced, 2 c + 1 reversed
-    travels: NDArray[np.bool_] | None = None  # (k,) what is no print; None: nothing
+    travels: Flags | None = None  # (k,) what is no print; None: nothing
 
 
 def rail_bound(held: RailUse, *, separation_mm: float, heads: int) -> float:
@@ -94,7 +93,7 @@ def _places(held: RailUse, separation_mm: float) -> tuple[_RailCells, Ints, int]
             cell *= 2.0
 
 
-def _edges(held: RailUse, travels: NDArray[np.bool_]) -> Floats:
+def _edges(held: RailUse, travels: Flags) -> Floats:
     """Return where each piece and its whole contour begin and end, mm from the least, (k, 4)."""
     edges = np.column_stack([held.low, held.high, held.low, held.high])
     prints = ~travels

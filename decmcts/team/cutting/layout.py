@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.feasibility.build import SHELLS
 from decmcts.print.contours import Contours, Role
 from decmcts.print.cut import INFILL, INSIDE_HOP_MM, LEAST_MM, OUTSIDE, CutLines
@@ -25,10 +26,6 @@ from decmcts.print.walls import no_walls, outer_walls
 from decmcts.print.walls_kernels import Walls
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
 from decmcts.team.engine.space import contour_spaces
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 STEPS = (1, 2, 3, 4, 5, 6, 8, 10)  # strips of a territory that are tried on each layer
 DEPTHS = 5  # of contours that touch one another on a layer; deeper ones count as that deep
@@ -114,7 +111,7 @@ def may_be_cut(contours: Contours, cut: str) -> Flags:
 
 
 def cuttable(
-    contours: Contours, seconds: Floats, pairs: NDArray[np.int32], may: Flags, axis: int,
+    contours: Contours, seconds: Floats, pairs: Int32s, may: Flags, axis: int,
     hops: Hops, stagger_mm: float,
 ) -> Cuttable:  # fmt: skip
     """Return how what may be cut is spread; where nothing may be, how all is.
@@ -204,7 +201,7 @@ def _deepest(contours: Contours, depth: Ints) -> Ints:
     return deepest
 
 
-def _depths(contours: Contours, pairs: NDArray[np.int32]) -> Ints:
+def _depths(contours: Contours, pairs: Int32s) -> Ints:
     """Return how many contours of its layer must come before each one after the other, (n,)."""
     depth = [0] * len(contours)
     same = contours.layer[pairs[:, 0]] == contours.layer[pairs[:, 1]]

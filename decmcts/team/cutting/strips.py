@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.team.cutting.strips_kernels import share_layer
-
-Floats = NDArray[np.float64]
 
 BIN_MM = 1.0
 

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.compiled import inlined, kernel
 
 HALVINGS = 24  # of the time of a strip, to find the longest
 
 
 @kernel
-def share_layer(
-    done: NDArray[np.float64],
-    price: NDArray[np.float64],
-    apart: NDArray[np.float64],
-    begin: NDArray[np.float64],
-    end: NDArray[np.float64],
-) -> float:
+def share_layer(done: Floats, price: Floats, apart: Floats, begin: Floats, end: Floats) -> float:
     """Write where the strips of one layer begin and end; return the seconds all steps take.
 
     The time of a strip is that of printing what lies in it and of the cuts at both its edges.
@@ -59,8 +53,7 @@ def share_layer(
 
 @inlined
 def _tight(
-    done: NDArray[np.float64], price: NDArray[np.float64], up: NDArray[np.float64],
-    apart: NDArray[np.float64], begin: NDArray[np.float64], end: NDArray[np.float64],
+    done: Floats, price: Floats, up: Floats, apart: Floats, begin: Floats, end: Floats,
 ) -> float:  # fmt: skip
     """Write strips of two heads that are just `apart` at each step; return their seconds.
 
@@ -88,9 +81,8 @@ def _tight(
 
 @inlined
 def _chain(
-    done: NDArray[np.float64], price: NDArray[np.float64], up: NDArray[np.float64],
-    apart: NDArray[np.float64], first: float, begin: NDArray[np.float64],
-    end: NDArray[np.float64],
+    done: Floats, price: Floats, up: Floats, apart: Floats, first: float, begin: Floats,
+    end: Floats,
 ) -> float:  # fmt: skip
     """Write the strips where the first ends at `first`; return how much room is left; < 0: none."""
     steps, last = len(apart), float(len(done) - 1)
@@ -110,16 +102,15 @@ def _chain(
 
 
 @inlined
-def _seconds(done: NDArray[np.float64], price: NDArray[np.float64], a: float, b: float) -> float:
+def _seconds(done: Floats, price: Floats, a: float, b: float) -> float:
     """Return the seconds of a strip from a to b."""
     return _value(done, b) - _value(done, a) + _value(price, a) + _value(price, b)
 
 
 @inlined
 def _strips(
-    done: NDArray[np.float64], price: NDArray[np.float64], up: NDArray[np.float64],
-    down: NDArray[np.float64], seconds: float, begin: NDArray[np.float64],
-    end: NDArray[np.float64],
+    done: Floats, price: Floats, up: Floats, down: Floats, seconds: float, begin: Floats,
+    end: Floats,
 ) -> None:  # fmt: skip
     """Write the strips that take so long: the last head's from its end, the others' from theirs."""
     heads, steps = begin.shape
@@ -138,9 +129,7 @@ def _strips(
 
 
 @inlined
-def _are_apart(
-    begin: NDArray[np.float64], end: NDArray[np.float64], apart: NDArray[np.float64]
-) -> bool:
+def _are_apart(begin: Floats, end: Floats, apart: Floats) -> bool:
     """Tell whether heads stay apart at every step, and no strip lies in another territory."""
     heads, steps = begin.shape
     for head in range(heads - 1):
@@ -153,14 +142,14 @@ def _are_apart(
 
 
 @inlined
-def _value(values: NDArray[np.float64], at: float) -> float:
+def _value(values: Floats, at: float) -> float:
     """Return the value at a place, linear in between."""
     i = min(int(at), len(values) - 2)
     return float(values[i] + (at - i) * (values[i + 1] - values[i]))
 
 
 @inlined
-def _place_of(values: NDArray[np.float64], value: float) -> float:
+def _place_of(values: Floats, value: float) -> float:
     """Return the first place at which ascending values reach a value, within their range."""
     i = int(np.searchsorted(values, value))
     if i == 0:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.random_kernels import seeded
 from decmcts.search.decomposition.blocks import Sequence, cut
@@ -29,8 +29,6 @@ BLOCK = 200  # contours annealed at a time, or a whole run: few enough for a pro
 STEPS = 300  # for each contour
 TEMPERATURES = 30
 HOT, COLD = 0.5, 0.03  # first and last, in mean travels
-
-Flags = NDArray[np.bool_]
 
 
 def with_less_travel(problem: TeamProblem, stated: StatedOrder, run: Ints) -> StatedOrder:
@@ -94,16 +92,13 @@ def _sequence_of(problem: TeamProblem, stated: StatedOrder, head: int, turns: In
     )  # fmt: skip
 
 
-Ints = NDArray[np.int64]
-
-
 @dataclass(frozen=True, slots=True)
 class Sweep:
     """The order in which heads sweep all layers."""
 
     stated: StatedOrder
     run: Ints  # (n,) of each turn: what one head prints of one strip has one number
-    late: NDArray[np.bool_]  # (n_source,) some of it is printed at a later step than lies there
+    late: Flags  # (n_source,) some of it is printed at a later step than lies there
 
 
 def sweep_order(
@@ -155,7 +150,7 @@ def sweep_order(
     return Sweep(StatedOrder(order, is_reversed, head[order]), run, late)
 
 
-def times_of(problem: TeamProblem, stated: StatedOrder) -> tuple[NDArray[np.float64], float] | None:
+def times_of(problem: TeamProblem, stated: StatedOrder) -> tuple[Floats, float] | None:
     """Return how long heads take for each layer, (layers,), and when all end, s.
 
     A layer's time is from the end of all below it to its own. None if the heads cannot carry

@@ -15,25 +15,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s
 from decmcts.team.dec_mcts.parameters import Parameters
 
 SMALLEST = 1e-6  # probability a candidate keeps
 RECENT = 10.0  # samples over which a mean is taken: the others change
 
-Plan = NDArray[np.int32]
+Plan = Int32s
 
 
 @dataclass(frozen=True, slots=True)
 class PlanDistribution:
     """What a head sends to the others: (X̂, q) of Dec-MCTS."""
 
-    sequences: tuple[NDArray[np.int32], ...]  # plans, see decmcts.team.engine.plans
-    probabilities: NDArray[np.float64]  # (len(sequences),) sums to 1
+    sequences: tuple[Int32s, ...]  # plans, see decmcts.team.engine.plans
+    probabilities: Floats  # (len(sequences),) sums to 1
 
     @staticmethod
-    def uniform(sequences: tuple[NDArray[np.int32], ...]) -> PlanDistribution:
+    def uniform(sequences: tuple[Int32s, ...]) -> PlanDistribution:
         """Return the distribution that prefers none."""
         return PlanDistribution(sequences, np.full(len(sequences), 1.0 / len(sequences)))
 
@@ -44,27 +44,23 @@ class PlanDistribution:
         most = np.log(len(self.probabilities))
         return float(-(q * np.log(q)).sum() / most) if most > 0.0 else 0.0
 
-    def sample(self, rng: np.random.Generator) -> NDArray[np.int32]:
+    def sample(self, rng: np.random.Generator) -> Int32s:
         """Draw a plan."""
         weights = self.probabilities / self.probabilities.sum()
         return self.sequences[int(rng.choice(len(weights), p=weights))]
 
-    def likeliest(self) -> NDArray[np.int32]:
+    def likeliest(self) -> Int32s:
         """Return the plan of largest probability, the first of equals."""
         return self.sequences[int(np.argmax(self.probabilities))]
 
-    def updated(
-        self, expected: NDArray[np.float64], *, beta: float, alpha: float
-    ) -> PlanDistribution:
+    def updated(self, expected: Floats, *, beta: float, alpha: float) -> PlanDistribution:
         """Return q after one step towards exp(E[f|x]/β), normalised; `expected[x]` is E[f|x]."""
         steps = step_distribution(self.probabilities, expected, beta, alpha)
         q = np.maximum(self.probabilities + steps, SMALLEST)
         return PlanDistribution(self.sequences, q / q.sum())
 
 
-def step_distribution(
-    q: NDArray[np.float64], expected: NDArray[np.float64], beta: float, alpha: float
-) -> NDArray[np.float64]:
+def step_distribution(q: Floats, expected: Floats, beta: float, alpha: float) -> Floats:
     """Return the steps -α·q·[(E f - E[f|x]) / β + H(q) + ln q], before normalisation.
 
     `expected[x]` is E[f|x]; with E f = Σ q·expected the steps sum to zero.
@@ -96,7 +92,7 @@ class Candidates:
         self._mean = np.where(stays, self._mean[row], 0.0)
         self.sampled = np.where(stays, self.sampled[row], 0)
 
-    def update(self, utilities: NDArray[np.float64]) -> None:
+    def update(self, utilities: Floats) -> None:
         """Note what each of X̂ gained beside the same other plans, and move q."""
         self.sampled += 1
         self._mean += (utilities - self._mean) / np.minimum(self.sampled, RECENT)

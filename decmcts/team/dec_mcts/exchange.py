@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s, Ints
 from decmcts.team.dec_mcts.policy_trials import beside
 from decmcts.team.engine.plans import (
     HUNDREDTHS,
@@ -85,8 +85,7 @@ def _above_one_another(start: StartingOrder, r: int, rng: np.random.Generator) -
 SHIFT_SPREAD = 0.3  # of a part's progress, standard deviation of a change of a shift
 FEW = 5  # macro-actions shifted by themselves, at most
 
-Plan = NDArray[np.int32]
-Ints = NDArray[np.int64]
+Plan = Int32s
 
 
 def exchange(problem: TeamProblem, head: int, plan: Plan, rng: np.random.Generator) -> Plan:
@@ -127,7 +126,7 @@ def _moved(
     }
 
 
-def _hundredths(rng: np.random.Generator, count: int) -> NDArray[np.int32]:
+def _hundredths(rng: np.random.Generator, count: int) -> Int32s:
     """Return random shifts, none of them 0."""
     drawn = np.rint(HUNDREDTHS * rng.normal(0.0, SHIFT_SPREAD, count)).astype(np.int32)
     return np.where(drawn == 0, 1, drawn)

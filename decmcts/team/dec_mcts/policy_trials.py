@@ -7,8 +7,8 @@ The heads share the first policies out among them. Then each head tries those ro
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.team.engine.dispatch_kernels import BOTTLENECK, OTHERS, URGENCY
 from decmcts.team.engine.plans import POLICIES, STEP, TUNED
 
@@ -85,6 +85,6 @@ def beside(row: int, rng: np.random.Generator) -> int:
     return int(near[rng.integers(len(near))])
 
 
-def _distances(row: int) -> NDArray[np.float64]:
+def _distances(row: int) -> Floats:
     """Return how far each policy is from one, (k,)."""
     return np.asarray(np.linalg.norm(POINTS - POINTS[row], axis=1))

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Flags, Ints
 from decmcts.random_kernels import log_uniform, seeded
 from decmcts.team.dec_mcts.polish_kernels import RUN, SHORTEST, Annealing, PolishMoves, polish
 from decmcts.team.dec_mcts.recreate_kernels import Guide, recreate
@@ -150,7 +150,7 @@ def _marks(n: int, heads: TeamState) -> Marks:
     return marks
 
 
-def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> PolishMoves:
+def _moves(problem: TeamProblem, eligible: Flags) -> PolishMoves:
     n = len(problem.macro)
     ends = problem.visits.ends.reshape(-1, 3) * [1.0, 1.0, LEVEL_MM]
     near = np.zeros((0, 1), np.int64)
@@ -165,7 +165,7 @@ def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> PolishMoves:
     )  # fmt: skip
 
 
-def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
+def _guide(problem: TeamProblem, eligible: Flags) -> Guide:
     n, heads = eligible.shape
     row = np.empty(n, np.int64)
     row[problem.column] = np.arange(n)
@@ -175,7 +175,7 @@ def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
     return Guide(POLICIES, problem.key_terms, row, policy, pool, np.zeros((2, n), np.int64))
 
 
-def _differences(mine: StatedOrder, other: StatedOrder) -> NDArray[np.int64]:
+def _differences(mine: StatedOrder, other: StatedOrder) -> Ints:
     """Return first turn and end of all windows of the same contours that differ, (k, 2)."""
     n = len(mine.order)
     turn = np.empty(n, np.int64)

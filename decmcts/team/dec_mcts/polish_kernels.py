@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s, Ints
 from decmcts.compiled import apart, inlined, kernel
 from decmcts.random_kernels import below, length_up_to, uniform
 from decmcts.team.dec_mcts.windows_kernels import (
@@ -53,12 +54,12 @@ class Annealing(NamedTuple):
 class PolishMoves(NamedTuple):
     """What moves may draw from; the last two are scratch."""
 
-    near: NDArray[np.int32]  # (2 n, k) contours near where contour c begins, 2 c, and ends
-    eligible: NDArray[np.bool_]  # (n, heads)
-    succ_offsets: NDArray[np.int64]
-    succs: NDArray[np.int32]
-    run: NDArray[np.int64]  # (RUN,) contours of the run
-    trial: NDArray[np.int64]  # (n,) contours by turn, as the move would have them
+    near: Int32s  # (2 n, k) contours near where contour c begins, 2 c, and ends
+    eligible: Flags  # (n, heads)
+    succ_offsets: Ints
+    succs: Int32s
+    run: Ints  # (RUN,) contours of the run
+    trial: Ints  # (n,) contours by turn, as the move would have them
 
 
 @inlined

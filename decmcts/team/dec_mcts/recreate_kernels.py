@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.compiled import apart, inlined, kernel
 from decmcts.random_kernels import below, uniform
 from decmcts.team.dec_mcts.windows_kernels import (
@@ -61,16 +62,16 @@ ALIKE = 0.5  # share of tries in which all heads have the same policy
 class Guide(NamedTuple):
     """By what windows are dispatched; the last three are scratch."""
 
-    policies: NDArray[np.float64]  # (k, 6) see `decmcts.team.engine.plans.POLICIES`
+    policies: Floats  # (k, 6) see `decmcts.team.engine.plans.POLICIES`
     key_terms: KeyTerms
-    row: NDArray[np.int64]  # (n,) place of each contour in `Policy.column`
+    row: Ints  # (n,) place of each contour in `Policy.column`
     policy: Policy  # its keys and weights are written
     pool: Pool
-    found: NDArray[np.int64]  # (2, n) by turn, (2 contour + reversed) heads + head: now, best
+    found: Ints  # (2, n) by turn, (2 contour + reversed) heads + head: now, best
 
 
 @inlined
-def draw_policy(contours: NDArray[np.int64], guide: Guide, state: NDArray[np.uint64]) -> None:
+def draw_policy(contours: Ints, guide: Guide, state: NDArray[np.uint64]) -> None:
     """Write keys of a window's contours, and all weights, by random policies (mutates guide)."""
     alike = uniform(state) < ALIKE
     row = below(state, len(guide.policies))
@@ -85,7 +86,7 @@ def draw_policy(contours: NDArray[np.int64], guide: Guide, state: NDArray[np.uin
 
 @inlined
 def open_window(
-    contours: NDArray[np.int64], visits: Visits, units: Units, heads: TeamState, guide: Guide
+    contours: Ints, visits: Visits, units: Units, heads: TeamState, guide: Guide
 ) -> None:
     """Say that these contours, and no others, are left to do (mutates guide)."""
     pool, policy = guide.pool, guide.policy
@@ -113,7 +114,7 @@ def open_window(
 
 @apart
 def dispatch_window(
-    begin: int, contours: NDArray[np.int64], most: float, visits: Visits, fleet: Fleet,
+    begin: int, contours: Ints, most: float, visits: Visits, fleet: Fleet,
     units: Units, heads: TeamState, marks: Marks, guide: Guide,
 ) -> float:  # fmt: skip
     """Dispatch the contours of a window that begins at turn `begin` (mutates units, heads, guide).
@@ -152,7 +153,7 @@ def dispatch_window(
 
 @inlined
 def best_of_tries(
-    begin: int, contours: NDArray[np.int64], visits: Visits, fleet: Fleet, units: Units,
+    begin: int, contours: Ints, visits: Visits, fleet: Fleet, units: Units,
     heads: TeamState, marks: Marks, guide: Guide, state: NDArray[np.uint64],
 ) -> bool:  # fmt: skip
     """Write the best of some dispatches of a window to `guide.found[1]`; False: none is better."""

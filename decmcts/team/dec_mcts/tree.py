@@ -18,8 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
+from decmcts.arrays import Int32s
 
 LEAST = 1e-12  # of discounted visits, by which is divided
 
@@ -28,7 +27,7 @@ LEAST = 1e-12  # of discounted visits, by which is divided
 class Node:
     """A plan, and what is known of it and those below it."""
 
-    plan: NDArray[np.int32]
+    plan: Int32s
     parent: Node | None = None
     children: list[Node] = field(default_factory=list)
     clock: int = 0  # samples through this node
@@ -45,7 +44,7 @@ class Node:
 class Tree:
     """The tree; grows in place."""
 
-    def __init__(self, root: NDArray[np.int32], *, gamma: float, exploration: float) -> None:
+    def __init__(self, root: Int32s, *, gamma: float, exploration: float) -> None:
         self.gamma, self.exploration = gamma, exploration
         self.root = Node(root)
         self._nodes: list[Node] = []  # but the root, oldest first
@@ -71,7 +70,7 @@ class Tree:
         ]
         return newest[bounds.index(max(bounds))]
 
-    def expand(self, parent: Node, plan: NDArray[np.int32]) -> Node:
+    def expand(self, parent: Node, plan: Int32s) -> Node:
         """Add a child with this plan and return it."""
         node = Node(plan, parent)
         parent.children.append(node)
@@ -90,10 +89,10 @@ class Tree:
             node.last = parent.clock
             node = parent
 
-    def best_plans(self, count: int) -> tuple[NDArray[np.int32], ...]:
+    def best_plans(self, count: int) -> tuple[Int32s, ...]:
         """Return up to `count` different plans, highest discounted value first, the root last."""
         best = sorted(self._nodes, key=lambda node: node.value, reverse=True)
-        chosen: dict[bytes, NDArray[np.int32]] = {}
+        chosen: dict[bytes, Int32s] = {}
         for node in [*best, self.root]:
             if len(chosen) < count:
                 chosen.setdefault(node.plan.tobytes(), node.plan)

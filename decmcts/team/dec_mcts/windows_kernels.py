@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.random_kernels import below, log_uniform
 from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits
@@ -40,16 +41,15 @@ LATENESS_WEIGHT = 0.1  # weight of all heads' lateness beside that of the print
 class Window(NamedTuple):
     """Some turns of a joint order, one after the other."""
 
-    order: NDArray[np.int64]  # contours
-    head: NDArray[np.int64]  # aligned with order, here and below
-    reversed: NDArray[np.bool_]
+    order: Ints  # contours
+    head: Ints  # aligned with order, here and below
+    reversed: Flags
 
 
 @kernel
 def join(
-    makespan: float, windows: NDArray[np.int64], order: NDArray[np.int64],
-    head: NDArray[np.int64], is_reversed: NDArray[np.bool_], joint: JointOrder, visits: Visits,
-    fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
+    makespan: float, windows: Ints, order: Ints, head: Ints, is_reversed: Flags, joint: JointOrder,
+    visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
 ) -> float:  # fmt: skip
     """Take what is better of another order; return the makespan, which never grows.
 
@@ -92,7 +92,7 @@ def share_at(unit: int, point: int, visits: Visits, units: Units) -> float:
 
 
 @kernel
-def longest_paths(visits: Visits, fleet: Fleet, units: Units) -> NDArray[np.float64]:
+def longest_paths(visits: Visits, fleet: Fleet, units: Units) -> Floats:
     """Return the longest path from the end of each unit to the end of all, (m,) seconds."""
     m, heads, waits = units.used[0], len(fleet.parks), find_waits(visits, fleet, units)
     way, behind = np.zeros(m), np.zeros(m)  # from the begin; what waits for the end
@@ -145,7 +145,7 @@ def batch_of(n: int, windows: int) -> int:
 @kernel
 def draw_windows(
     count: int, n: int, shortest: int, longest: int, least: int, state: NDArray[np.uint64]
-) -> NDArray[np.int64]:
+) -> Ints:
     """Draw `count` windows, first turn and end, by their ends, (count, 2).
 
     Of at least `least` turns, all of a small order. Lengths are log-uniform; each turn is as

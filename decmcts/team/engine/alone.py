@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.machine_fit import require_printable
@@ -21,7 +21,7 @@ from decmcts.team.engine.space import Workspaces, build_space
 TRIAL_MM = 30.0  # of the travel that says which of two heads is quicker
 
 
-def split(toolpath: Toolpath, eligible: NDArray[np.bool_], live: Sequence[int]) -> list[Toolpath]:
+def split(toolpath: Toolpath, eligible: Flags, live: Sequence[int]) -> list[Toolpath]:
     """Return one toolpath per head that together keep the order of `toolpath`.
 
     Begins with the head of `live` that may print most, of equal ones the first. Another
@@ -41,7 +41,7 @@ def split(toolpath: Toolpath, eligible: NDArray[np.bool_], live: Sequence[int]) 
     return parts
 
 
-def hand_over(toolpaths: Sequence[Toolpath], eligible: NDArray[np.bool_]) -> Sequence[Toolpath]:
+def hand_over(toolpaths: Sequence[Toolpath], eligible: Flags) -> Sequence[Toolpath]:
     """Let other heads do what the only busy one can not; else return the toolpaths as they are."""
     busy = [r for r, toolpath in enumerate(toolpaths) if len(toolpath)]
     if len(busy) != 1 or len(toolpaths) != eligible.shape[1]:

@@ -13,8 +13,8 @@ state is safe again. So nothing ever gets stuck: this is the banker's algorithm
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.compiled import apart, inlined, kernel
 from decmcts.team.engine.joint_kernels import (
     UNIT_ASIDE,
@@ -73,11 +73,11 @@ def push(
     s: int,
     axis: int,
     sign: int,
-    at: NDArray[np.float64],
-    rest: NDArray[np.float64],
+    at: Floats,
+    rest: Floats,
     fleet: Fleet,
-    goals: NDArray[np.float64],
-    goes: NDArray[np.bool_],
+    goals: Floats,
+    goes: Flags,
 ) -> bool:
     """Write to `goals` and `goes` where s must go, and all it pushes on; False: too far."""
     heads = len(at)
@@ -104,12 +104,7 @@ def push(
 
 
 @kernel
-def next_to_go(
-    axis: int,
-    sign: int,
-    at: NDArray[np.float64],
-    goes: NDArray[np.bool_],
-) -> int:
+def next_to_go(axis: int, sign: int, at: Floats, goes: Flags) -> int:
     """Of the heads that go, the one farthest along; -1: none is left."""
     found = -1
     for t in range(len(goes)):
@@ -124,12 +119,12 @@ def try_push(
     r: int,
     axis: int,
     sign: int,
-    goals: NDArray[np.float64],
-    goes: NDArray[np.bool_],
-    at: NDArray[np.float64],
-    rest: NDArray[np.float64],
+    goals: Floats,
+    goes: Flags,
+    at: Floats,
+    rest: Floats,
     fleet: Fleet,
-    steps: NDArray[np.float64],
+    steps: Floats,
 ) -> int:
     """Move the heads that go, the farthest first (mutates at, rest, goes); how many, -1: no path.
 
@@ -158,10 +153,10 @@ def try_push(
 def find_steps_aside(
     space: Space,
     r: int,
-    at: NDArray[np.float64],
-    rest: NDArray[np.float64],
+    at: Floats,
+    rest: Floats,
     fleet: Fleet,
-    steps: NDArray[np.float64],
+    steps: Floats,
 ) -> int:
     """Move heads aside until `space` of head r is clear (mutates at, rest); how many, -1: no path.
 
@@ -197,7 +192,7 @@ def find_steps_aside(
 
 
 @kernel
-def next_home(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) -> int:
+def next_home(at: Floats, rest: Floats, fleet: Fleet) -> int:
     """Return a head whose path to its park is clear; -1: none, or all are there."""
     for t in range(len(at)):
         if np.all(at[t] == fleet.parks[t]):
@@ -214,7 +209,7 @@ def next_home(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) 
 
 
 @kernel
-def is_safe(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) -> bool:
+def is_safe(at: Floats, rest: Floats, fleet: Fleet) -> bool:
     """Whether the heads can return to their parks one after the other."""
     if fleet.lined:
         return True
@@ -238,9 +233,7 @@ def return_all(visits: Visits, fleet: Fleet, units: Units, heads: TeamState) -> 
 
 
 @inlined
-def space_for(
-    r: int, c: int, is_reversed: bool, at: NDArray[np.float64], visits: Visits, fleet: Fleet
-) -> Space:
+def space_for(r: int, c: int, is_reversed: bool, at: Floats, visits: Visits, fleet: Fleet) -> Space:
     """Space that head r reserves to go from where it stands, `at` (heads, 3), and print c."""
     side = 1 if is_reversed else 0
     path = space_of_travel((at[r, 0], at[r, 1], at[r, 2]), end_of(c, side, visits), fleet.ceiling)
@@ -266,7 +259,7 @@ def path_from_parks(r: int, c: int, visits: Visits, fleet: Fleet) -> bool:
 
 
 @inlined
-def is_in_way(r: int, space: Space, rest: NDArray[np.float64], fleet: Fleet) -> bool:
+def is_in_way(r: int, space: Space, rest: Floats, fleet: Fleet) -> bool:
     """Whether some other head rests where head r needs `space`."""
     for s in range(len(rest)):
         if s != r and too_near(space, space_at(rest, s), r, s, fleet):

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.team.engine.aside_kernels import path_from_parks, print_next, return_all, space_for
 from decmcts.team.engine.joint_kernels import (
@@ -30,10 +30,10 @@ OK, CONTRADICTED, SHUT_IN = 0, 1, 2
 class Sequences(NamedTuple):
     """What each head prints, in order."""
 
-    order: NDArray[np.int32]  # (n,) contours, head after head
-    reversed: NDArray[np.bool_]  # (n,)
-    offsets: NDArray[np.int64]  # (heads + 1,)
-    turns: NDArray[np.int64]  # (n,) place of each in one order of all; (0,): none
+    order: Int32s  # (n,) contours, head after head
+    reversed: Flags  # (n,)
+    offsets: Ints  # (heads + 1,)
+    turns: Ints  # (n,) place of each in one order of all; (0,): none
 
 
 @kernel
@@ -60,7 +60,7 @@ def units_for(n: int, heads: int) -> Units:
 
 
 @kernel
-def is_ready(c: int, placed: NDArray[np.bool_], visits: Visits) -> bool:
+def is_ready(c: int, placed: Flags, visits: Visits) -> bool:
     """Whether everything that supports contour c has been placed."""
     for k in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
         if not placed[visits.preds[k]]:
@@ -99,13 +99,13 @@ def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units
 
 @kernel
 def soonest(
-    at: NDArray[np.int64],
+    at: Ints,
     sequences: Sequences,
-    placed: NDArray[np.bool_],
+    placed: Flags,
     visits: Visits,
     fleet: Fleet,
-    where: NDArray[np.float64],
-    free: NDArray[np.float64],
+    where: Floats,
+    free: Floats,
 ) -> int:
     """Of the heads whose next contour may be printed, the one that is there first; NONE: none."""
     best, found = np.inf, NONE
@@ -132,9 +132,7 @@ def rail_axis(fleet: Fleet) -> int:
 
 
 @inlined
-def is_let_in(
-    r: int, c: int, axis: int, known: NDArray[np.float64], visits: Visits, fleet: Fleet
-) -> bool:
+def is_let_in(r: int, c: int, axis: int, known: Floats, visits: Visits, fleet: Fleet) -> bool:
     """`path_from_parks` on a rail, where most answers follow from earlier ones (mutates known).
 
     Heads before r must move aside for where its reserved space begins, those behind it for
@@ -158,7 +156,7 @@ def is_let_in(
 
 
 @kernel
-def eligible_heads(reached: NDArray[np.bool_], visits: Visits, fleet: Fleet) -> NDArray[np.bool_]:
+def eligible_heads(reached: Flags, visits: Visits, fleet: Fleet) -> Flags:
     """Of the heads that reach each contour, those the others can move aside for, (n, heads)."""
     from_parks, axis = reached.copy(), rail_axis(fleet)
     for r in range(reached.shape[1]):

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.team.engine.aside_kernels import print_next, return_all
 from decmcts.team.engine.carry_out_kernels import OK, SHUT_IN, units_for, with_capacity
@@ -43,49 +43,46 @@ PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 class KeyTerms(NamedTuple):
     """What `write_keys` makes a policy's keys of; see `decmcts.team.engine.problem`."""
 
-    progress: NDArray[np.float64]  # (n,) share of its part's work before it
-    urgency: NDArray[np.float64]  # (n,) 0: the longest chain comes after it, 1: nothing does
-    side: NDArray[np.int64]  # (n,) head in whose share of the machine it lies
-    bottleneck: NDArray[np.bool_]  # (n,) it lies there
+    progress: Floats  # (n,) share of its part's work before it
+    urgency: Floats  # (n,) 0: the longest chain comes after it, 1: nothing does
+    side: Ints  # (n,) head in whose share of the machine it lies
+    bottleneck: Flags  # (n,) it lies there
 
 
 class Policy(NamedTuple):
     """What guides the choice."""
 
-    key: NDArray[np.float64]  # (heads, n) least first
-    place: NDArray[np.float64]  # (heads, n) where in the head's sweep, 0..1
-    eligible: NDArray[np.bool_]  # (n, heads)
-    weights: NDArray[np.float64]  # (heads, 3) of the key, of waste, of being out of step
-    column_offsets: NDArray[np.int64]  # (columns + 1,)
-    column: NDArray[np.int32]  # (n,) contours, column after column, each in source order
-    succ_offsets: NDArray[np.int64]
-    succs: NDArray[np.int32]
+    key: Floats  # (heads, n) least first
+    place: Floats  # (heads, n) where in the head's sweep, 0..1
+    eligible: Flags  # (n, heads)
+    weights: Floats  # (heads, 3) of the key, of waste, of being out of step
+    column_offsets: Ints  # (columns + 1,)
+    column: Int32s  # (n,) contours, column after column, each in source order
+    succ_offsets: Ints
+    succs: Int32s
 
 
 class Pool(NamedTuple):
     """What is left to do; written as contours are placed."""
 
-    first: NDArray[np.int64]  # (columns,) row of `column` that may still be to do
-    missing: NDArray[np.int32]  # (n,) what supports it and was not placed
-    ready: NDArray[np.float64]  # (n,) when it may begin, once nothing is missing
-    placed: NDArray[np.bool_]  # (n,)
-    column_of: NDArray[np.int32]  # (n,)
-    open: NDArray[np.int64]  # (columns,) those whose first may be ready, in no order
-    is_open: NDArray[np.bool_]  # (columns,) whether among these
-    newly_ready: NDArray[np.int64]  # (columns,) contours that the last one placed made ready
-    counts: NDArray[np.int64]  # (2,) how many `open` and `newly_ready` there are
-    decides_at: NDArray[np.float64]  # (heads,) each head decides no sooner, even if it is free
-    last_contour: NDArray[np.int64]  # (heads,) contour it printed last; NONE
-    earliest: NDArray[np.float64]  # (heads, columns) a head begins the first left no sooner
-    earliest_row: NDArray[np.int64]  # (heads, columns) row of `column` that `earliest` is for
-    earliest_unit: NDArray[np.int64]  # (heads,) the head's last unit when `earliest` was written
+    first: Ints  # (columns,) row of `column` that may still be to do
+    missing: Int32s  # (n,) what supports it and was not placed
+    ready: Floats  # (n,) when it may begin, once nothing is missing
+    placed: Flags  # (n,)
+    column_of: Int32s  # (n,)
+    open: Ints  # (columns,) those whose first may be ready, in no order
+    is_open: Flags  # (columns,) whether among these
+    newly_ready: Ints  # (columns,) contours that the last one placed made ready
+    counts: Ints  # (2,) how many `open` and `newly_ready` there are
+    decides_at: Floats  # (heads,) each head decides no sooner, even if it is free
+    last_contour: Ints  # (heads,) contour it printed last; NONE
+    earliest: Floats  # (heads, columns) a head begins the first left no sooner
+    earliest_row: Ints  # (heads, columns) row of `column` that `earliest` is for
+    earliest_unit: Ints  # (heads,) the head's last unit when `earliest` was written
 
 
 @kernel
-def write_keys(
-    r: int, row: NDArray[np.float64], contours: NDArray[np.int64], terms: KeyTerms,
-    keys: NDArray[np.float64],
-) -> None:  # fmt: skip
+def write_keys(r: int, row: Floats, contours: Ints, terms: KeyTerms, keys: Floats) -> None:
     """Write when head r wants to print contours by a row of `POLICIES`, in progress of a part.
 
     What lies in the others' share of the machine comes later, the bottleneck sooner.
@@ -154,8 +151,7 @@ def next_decision(r: int, start: float, heads: TeamState, pool: Pool) -> float:
 
 @inlined
 def out_of_step(
-    r: int, u: int, start: float, place: NDArray[np.float64], free: NDArray[np.float64],
-    last_contour: NDArray[np.int64],
+    r: int, u: int, start: float, place: Floats, free: Floats, last_contour: Ints,
 ) -> float:  # fmt: skip
     """How far u is from where head r's sweep should be beside the others' contours."""
     off = 0.0
@@ -166,9 +162,7 @@ def out_of_step(
 
 
 @inlined
-def nearer_end(
-    at: Point, u: int, visits: Visits, travel: NDArray[np.float64]
-) -> tuple[float, bool]:
+def nearer_end(at: Point, u: int, visits: Visits, travel: Floats) -> tuple[float, bool]:
     """Seconds to the end of a contour that is reached sooner, and whether it is its last."""
     there = travel_seconds(at, end_of(u, 0, visits), travel)
     if visits.reversible[u]:

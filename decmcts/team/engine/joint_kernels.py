@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.print.lags_kernels import Lags
 from decmcts.team.engine.spaces_kernels import (
@@ -41,39 +42,39 @@ UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK = 0, 1, 2, 3
 class Visits(NamedTuple):
     """What the kernels know of the contours."""
 
-    ends: NDArray[np.float64]  # (n, 2, 3) as sliced: where each begins and ends, mm
-    seconds: NDArray[np.float64]  # (heads, n) printing time
-    reversible: NDArray[np.bool_]  # (n,)
+    ends: Floats  # (n, 2, 3) as sliced: where each begins and ends, mm
+    seconds: Floats  # (heads, n) printing time
+    reversible: Flags  # (n,)
     pieces: Pieces
-    pred_offsets: NDArray[np.int64]  # (n + 1,)
-    preds: NDArray[np.int32]
+    pred_offsets: Ints  # (n + 1,)
+    preds: Int32s
     lags: Lags  # every pair is in the closure of the precedence
 
 
 class Units(NamedTuple):
     """Units in the order they were placed; rows from `used[0]` on are unused."""
 
-    head: NDArray[np.int32]  # (m,)
+    head: Int32s  # (m,)
     kind: NDArray[np.int8]  # (m,)
-    contour: NDArray[np.int32]  # (m,) NONE unless printed
-    reversed: NDArray[np.bool_]  # (m,)
-    target: NDArray[np.float64]  # (m, 3) where it ends
-    space: NDArray[np.float64]  # (m, 6)
-    begin: NDArray[np.float64]  # (m,) seconds
-    end: NDArray[np.float64]  # (m,)
-    before: NDArray[np.int64]  # (m,) unit before it on its head; NONE
-    used: NDArray[np.int64]  # (1,)
+    contour: Int32s  # (m,) NONE unless printed
+    reversed: Flags  # (m,)
+    target: Floats  # (m, 3) where it ends
+    space: Floats  # (m, 6)
+    begin: Floats  # (m,) seconds
+    end: Floats  # (m,)
+    before: Ints  # (m,) unit before it on its head; NONE
+    used: Ints  # (1,)
 
 
 class TeamState(NamedTuple):
     """Where every head is after what was placed so far; written as units are placed."""
 
-    last: NDArray[np.int64]  # (heads,) its last unit; NONE
-    free: NDArray[np.float64]  # (heads,) end of that unit
-    at: NDArray[np.float64]  # (heads, 3) where it rests then
-    rest: NDArray[np.float64]  # (heads, 6) space reserved by that rest
-    ended: NDArray[np.float64]  # (n,) end of each contour that was placed
-    waited: NDArray[np.int64]  # (heads, heads) last place of s that r waited for; see `place_in`
+    last: Ints  # (heads,) its last unit; NONE
+    free: Floats  # (heads,) end of that unit
+    at: Floats  # (heads, 3) where it rests then
+    rest: Floats  # (heads, 6) space reserved by that rest
+    ended: Floats  # (n,) end of each contour that was placed
+    waited: Ints  # (heads, heads) last place of s that r waited for; see `place_in`
 
 
 @kernel

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
@@ -32,8 +32,8 @@ MOST_PIECES = PLACES // 2  # of one contour
 def visits_of(
     contours: Contours,
     graph: DependencyGraph,
-    seconds: NDArray[np.float64],
-    reversible: NDArray[np.bool_],
+    seconds: Floats,
+    reversible: Flags,
     *,
     in_pieces: bool,
     lags: Lags | None = None,
@@ -61,7 +61,7 @@ def visits_of(
 
 
 def require_complete(
-    job: PrintJob, machine: Machine, eligible: NDArray[np.bool_], toolpaths: Sequence[Toolpath]
+    job: PrintJob, machine: Machine, eligible: Flags, toolpaths: Sequence[Toolpath]
 ) -> None:
     """Raise InputError unless every contour is printed once, by a head that can."""
     if len(toolpaths) != len(machine.heads):
@@ -112,7 +112,7 @@ def refuse(verdict: int, machine: Machine) -> None:
 
 
 def visits_along(
-    job: PrintJob, graph: DependencyGraph, machine: Machine, seconds: NDArray[np.float64],
+    job: PrintJob, graph: DependencyGraph, machine: Machine, seconds: Floats,
     toolpaths: Sequence[Toolpath], lags: Lags | None,
 ) -> tuple[Contours, Visits]:  # fmt: skip
     """Return contours as toolpaths enter them, and what the kernels need to know of them then.

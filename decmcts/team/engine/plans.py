@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.toolpath import Toolpath
 
 # Columns of POLICIES; `decmcts.team.engine.dispatch_kernels` has the score they weigh, and the key.
@@ -65,7 +65,7 @@ MOST_LATER = 1000  # half turns, sooner or later
 _SPREAD = 498  # policies spread evenly over all that make sense
 
 
-def _spread() -> NDArray[np.float64]:
+def _spread() -> Floats:
     """Return policies of an additive recurrence, a quasirandom sequence in six dimensions."""
     root = 1.0
     for _ in range(40):  # of x^7 = x + 1: what the golden ratio is to one dimension
@@ -85,9 +85,9 @@ POLICIES = np.concatenate([np.column_stack([_TUNED, np.tile([0.0, 0.03], (TUNED,
 class StatedOrder:
     """Who prints what, in one order of all; conflicts are decided in this order."""
 
-    order: NDArray[np.int32]  # (n,) contours
-    reversed: NDArray[np.bool_]  # (n,) aligned with order
-    head: NDArray[np.int64]  # (n,) aligned with order
+    order: Int32s  # (n,) contours
+    reversed: Flags  # (n,) aligned with order
+    head: Ints  # (n,) aligned with order
 
     @staticmethod
     def of(toolpaths: Sequence[Toolpath]) -> StatedOrder:
@@ -115,23 +115,23 @@ class StatedOrder:
 class Changes:
     """What a head changes of its own macro-actions of the order that heads begin with."""
 
-    macro: NDArray[np.int64]  # (k,) rising
-    later: NDArray[np.int64]  # (k,) half turns; below 0: sooner
-    head: NDArray[np.int64]  # (k,) who prints it
+    macro: Ints  # (k,) rising
+    later: Ints  # (k,) half turns; below 0: sooner
+    head: Ints  # (k,) who prints it
 
 
 @dataclass(frozen=True, slots=True)
 class Intent:
     """A decoded plan."""
 
-    shift: NDArray[np.int32]  # (n_macros,) hundredths of a part that each macro-action comes later
+    shift: Int32s  # (n_macros,) hundredths of a part that each macro-action comes later
     policy: int  # row of POLICIES
     serial: Toolpath | None = None  # everything in this order instead
     stated: StatedOrder | None = None  # who prints what in which order instead
     changes: Changes | None = None  # of the order that heads begin with, instead
 
 
-def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
+def decode(plan: Int32s, n_macros: int, n_contours: int) -> Intent:
     """Return what a plan says; what means nothing is skipped."""
     serial, unshifted = n_macros + len(POLICIES), np.zeros(n_macros, np.int32)
     if len(plan) == n_contours + 1 and plan[0] == serial and n_contours:
@@ -149,7 +149,7 @@ def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
     return Intent(np.clip(shift, -MOST_SHIFT, MOST_SHIFT), int(plan[0]) - n_macros)
 
 
-def means_something(plan: NDArray[np.int32], n_macros: int, n_contours: int, heads: int) -> bool:
+def means_something(plan: Int32s, n_macros: int, n_contours: int, heads: int) -> bool:
     """Return whether `decode` skips nothing of a plan; an empty one holds nothing."""
     if not len(plan):
         return True
@@ -166,7 +166,7 @@ def means_something(plan: NDArray[np.int32], n_macros: int, n_contours: int, hea
     return intent.serial is not None
 
 
-def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | None:
+def _decode_stated(plan: Int32s, mark: int, n: int) -> StatedOrder | None:
     """Return the stated order of a plan that begins with `mark`; None: it is none."""
     if len(plan) != n + 2 or plan[0] != mark or plan[1] < 1 or not n:
         return None
@@ -176,20 +176,20 @@ def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | 
     return StatedOrder((visit // 2).astype(np.int32), visit % 2 == 1, head.astype(np.int64))
 
 
-def _decode_changes(plan: NDArray[np.int32]) -> Changes:
+def _decode_changes(plan: Int32s) -> Changes:
     """Return the changes a plan makes; those that mean nothing are skipped."""
     rows = plan[1:].reshape(-1, 3).astype(np.int64)
     rows = rows[(rows[:, 0] >= 0) & (np.abs(rows[:, 1]) <= MOST_LATER) & (rows[:, 2] >= 0)]
     return Changes(*rows[np.unique(rows[:, 0], return_index=True)[1]].T)
 
 
-def encode_changes(changes: Changes, n_macros: int) -> NDArray[np.int32]:
+def encode_changes(changes: Changes, n_macros: int) -> Int32s:
     """Return the plan that makes these changes; none: the order heads begin with."""
     rows = np.stack([changes.macro, changes.later, changes.head], axis=1)
     return np.concatenate([[n_macros + len(POLICIES) + 2], rows.reshape(-1)]).astype(np.int32)
 
 
-def encode(policy: int, n_macros: int, shift: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
+def encode(policy: int, n_macros: int, shift: Int32s | None = None) -> Int32s:
     """Return the plan of a policy, with macro-actions later than usual by `shift`, (n_macros,)."""
     if shift is None or not shift.any():
         return np.array([n_macros + policy], np.int32)
@@ -197,13 +197,13 @@ def encode(policy: int, n_macros: int, shift: NDArray[np.int32] | None = None) -
     return np.concatenate([[n_macros + policy], within]).astype(np.int32)
 
 
-def encode_serial(toolpath: Toolpath, n_macros: int) -> NDArray[np.int32]:
+def encode_serial(toolpath: Toolpath, n_macros: int) -> Int32s:
     """Return the plan that prints everything in this order, one head at a time."""
     symbols = 2 * toolpath.order + toolpath.reversed
     return np.concatenate([[n_macros + len(POLICIES)], symbols]).astype(np.int32)
 
 
-def encode_stated(stated: StatedOrder, heads: int, n_macros: int) -> NDArray[np.int32]:
+def encode_stated(stated: StatedOrder, heads: int, n_macros: int) -> Int32s:
     """Return the plan that states who prints what in which order."""
     symbols = (2 * stated.order.astype(np.int64) + stated.reversed) * heads + stated.head
     return np.concatenate([[n_macros + len(POLICIES) + 1, heads], symbols]).astype(np.int32)

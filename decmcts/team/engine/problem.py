@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
 from decmcts.feasibility.graph import DependencyGraph
@@ -43,9 +44,7 @@ from decmcts.team.engine.spaces_kernels import Fleet
 from decmcts.team.engine.start import StartingOrder, start_of
 
 
-def bottleneck(
-    boxes: NDArray[np.float64], seconds: NDArray[np.float64], machine: Machine
-) -> NDArray[np.bool_]:
+def bottleneck(boxes: Floats, seconds: Floats, machine: Machine) -> Flags:
     """Return which contours lie in the bottleneck, (n,); none where heads stand in no fixed order.
 
     Parameters
@@ -66,9 +65,7 @@ def bottleneck(
     return inside
 
 
-def _fullest(
-    low: NDArray[np.float64], high: NDArray[np.float64], work: NDArray[np.float64]
-) -> tuple[float, float]:
+def _fullest(low: Floats, high: Floats, work: Floats) -> tuple[float, float]:
     """Return the place in most of the open intervals `low` to `high`, by work, and that work."""
     origin = low.min()
     cells = int((high.max() - origin) / CELL_MM) + 2
@@ -90,19 +87,19 @@ class TeamProblem:
     space: Workspaces
     fleet: Fleet
     visits: Visits  # as sliced
-    row: NDArray[np.int64]  # (heads,) in which they stand, lowest first (`line_up`)
-    quantile: NDArray[np.float64]  # (n,) share of all work at lower places along that axis, 0..1
+    row: Ints  # (heads,) in which they stand, lowest first (`line_up`)
+    quantile: Floats  # (n,) share of all work at lower places along that axis, 0..1
     key_terms: KeyTerms  # what a policy makes its keys of
-    part: NDArray[np.int64]  # (n,) connected footprint
-    column_offsets: NDArray[np.int64]  # (columns + 1,) see decmcts.team.engine.dispatch_kernels
-    column: NDArray[np.int32]  # (n,)
-    macro: NDArray[np.int32]  # (n,) macro-action of each contour, numbered by progress
-    macro_part: NDArray[np.int64]  # (n_macros,)
+    part: Ints  # (n,) connected footprint
+    column_offsets: Ints  # (columns + 1,) see decmcts.team.engine.dispatch_kernels
+    column: Int32s  # (n,)
+    macro: Int32s  # (n,) macro-action of each contour, numbered by progress
+    macro_part: Ints  # (n_macros,)
     n_macros: int
     digest: str
     start: StartingOrder | None = None  # an order that heads begin with
     # of teams of some heads only, as `decmcts.team.engine.resolve.fleet_for` finds them
-    fleets: dict[tuple[int, ...], tuple[Fleet, NDArray[np.bool_]]] = field(
+    fleets: dict[tuple[int, ...], tuple[Fleet, Flags]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )
 
@@ -111,7 +108,7 @@ class TeamProblem:
         """Names of the heads, in the machine's order."""
         return tuple(head.name for head in self.machine.heads)
 
-    def places(self) -> NDArray[np.float64]:
+    def places(self) -> Floats:
         """Return where each contour comes in each head's sweep, 0..1, (heads, n).
 
         Heads are in step where their places are equal; then they stay a share of the machine
@@ -200,12 +197,12 @@ def _digest(digest: str, lags: Lags | None, start: StatedOrder | None) -> str:
     return digest
 
 
-def _urgency(seconds: NDArray[np.float64], graph: DependencyGraph) -> NDArray[np.float64]:
+def _urgency(seconds: Floats, graph: DependencyGraph) -> Floats:
     behind = chain_behind(seconds, graph.succ_offsets, graph.succs)
     return np.asarray(1.0 - behind / max(float(behind.max(initial=0.0)), 1e-12))
 
 
-def _quantile(seconds: NDArray[np.float64], space: Workspaces, axis: int) -> NDArray[np.float64]:
+def _quantile(seconds: Floats, space: Workspaces, axis: int) -> Floats:
     """Return the share of all work that lies at lower places along an axis, (n,)."""
     middle = space.boxes[:, 2 * axis] + space.boxes[:, 2 * axis + 1]
     order = np.argsort(middle, kind="stable")
@@ -220,7 +217,7 @@ COLUMN_MM = 25.0  # cells of columns: contours of one column begin and end in th
 MACROS = 120  # wanted pieces of one print
 
 
-def part_of(contours: Contours) -> NDArray[np.int64]:
+def part_of(contours: Contours) -> Ints:
     """Return the part each contour belongs to, numbered from 0, (n,)."""
     if not len(contours):
         return np.empty(0, np.int64)
@@ -240,17 +237,12 @@ def part_of(contours: Contours) -> NDArray[np.int64]:
     )
 
 
-def _cells(at: NDArray[np.float64], low: float) -> NDArray[np.int64]:
+def _cells(at: Floats, low: float) -> Ints:
     """Return the cell of each coordinate, counted from `low`."""
     return np.asarray(((at - low) / CELL_MM).astype(np.int64))
 
 
-def _samples(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    to_x: NDArray[np.float64],
-    to_y: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _samples(x: Floats, y: Floats, to_x: Floats, to_y: Floats) -> tuple[Floats, Floats]:
     """Return points of segments a cell apart: they lie in cells that touch, if only at a corner."""
     steps = np.ceil(np.hypot(to_x - x, to_y - y) / CELL_MM).astype(np.int64) + 1
     segment = np.repeat(np.arange(len(x)), steps)
@@ -258,7 +250,7 @@ def _samples(
     return x[segment] + (to_x - x)[segment] * along, y[segment] + (to_y - y)[segment] * along
 
 
-def numbered(*keys: NDArray[np.int64]) -> NDArray[np.int64]:
+def numbered(*keys: Ints) -> Ints:
     """Return the rank of each row that these keys make, equal rows alike, (n,)."""
     code = np.zeros(len(keys[0]), np.int64)
     for key in keys:
@@ -267,7 +259,7 @@ def numbered(*keys: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(np.unique(code, return_inverse=True)[1].reshape(-1))
 
 
-def part_progress(seconds: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np.float64]:
+def part_progress(seconds: Floats, part: Ints) -> Floats:
     """Return how much of its part's work comes before each contour in the source, 0..1, (n,)."""
     order = np.argsort(part, kind="stable")
     done = np.cumsum(seconds[order]) - seconds[order]
@@ -278,12 +270,7 @@ def part_progress(seconds: NDArray[np.float64], part: NDArray[np.int64]) -> NDAr
     return np.clip(progress, 0.0, 1.0)
 
 
-def cut_macros(
-    seconds: NDArray[np.float64],
-    part: NDArray[np.int64],
-    progress: NDArray[np.float64],
-    side: NDArray[np.int64],
-) -> NDArray[np.int32]:
+def cut_macros(seconds: Floats, part: Ints, progress: Floats, side: Ints) -> Int32s:
     """Return the macro-action of each contour, numbered by progress, (n,).
 
     `side` (n,) is the head in whose share of the machine it lies.
@@ -301,9 +288,7 @@ def cut_macros(
     return rank[piece]
 
 
-def columns_of(
-    boxes: NDArray[np.float64], part: NDArray[np.int64], axis: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def columns_of(boxes: Floats, part: Ints, axis: int) -> tuple[Ints, Int32s]:
     """Return the contours by column: those of one part and one place, each in source order.
 
     `boxes` (n, 4) are min x, max x, min y and max y; the place is that along `axis`.

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.compiled import apart, inlined, kernel
 from decmcts.team.engine.aside_kernels import print_next, return_all
 from decmcts.team.engine.joint_kernels import NONE, TeamState, Units, Visits, has_capacity
@@ -20,25 +20,25 @@ from decmcts.team.engine.spaces_kernels import Fleet, travel_seconds
 class JointOrder(NamedTuple):
     """Who prints what, in one order of all; changed in place."""
 
-    order: NDArray[np.int64]  # (n,) contours
-    turn: NDArray[np.int64]  # (n,) place of each contour in it
-    head: NDArray[np.int64]  # (n,) of each contour
-    reversed: NDArray[np.bool_]  # (n,)
-    before: NDArray[np.int64]  # (n,) what its head prints before each contour; NONE
-    behind: NDArray[np.int64]  # (n,) and after it
+    order: Ints  # (n,) contours
+    turn: Ints  # (n,) place of each contour in it
+    head: Ints  # (n,) of each contour
+    reversed: Flags  # (n,)
+    before: Ints  # (n,) what its head prints before each contour; NONE
+    behind: Ints  # (n,) and after it
 
 
 class Marks(NamedTuple):
     """What `TeamState` and `Units` held before each turn."""
 
-    used: NDArray[np.int64]  # (n + 1,)
-    last: NDArray[np.int64]  # (n + 1, heads)
-    free: NDArray[np.float64]  # (n + 1, heads)
-    at: NDArray[np.float64]  # (n + 1, heads, 3)
-    rest: NDArray[np.float64]  # (n + 1, heads, 6)
-    known: NDArray[np.int64]  # (1,) turns up to which all this is true
-    waited: NDArray[np.int64]  # (n + 1, heads, heads)
-    tail: NDArray[np.float64]  # (n + 1, heads) see `decmcts.team.dec_mcts.windows_kernels`
+    used: Ints  # (n + 1,)
+    last: Ints  # (n + 1, heads)
+    free: Floats  # (n + 1, heads)
+    at: Floats  # (n + 1, heads, 3)
+    rest: Floats  # (n + 1, heads, 6)
+    known: Ints  # (1,) turns up to which all this is true
+    waited: Ints  # (n + 1, heads, heads)
+    tail: Floats  # (n + 1, heads) see `decmcts.team.dec_mcts.windows_kernels`
 
 
 @inlined
@@ -84,9 +84,8 @@ def later_by(turn: int, fleet: Fleet, heads: TeamState, marks: Marks) -> float:
 
 @apart
 def place_turns(
-    contours: NDArray[np.int64], begin: int, end: int, marks_to: int, top: int,
-    most: float, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: TeamState,
-    marks: Marks,
+    contours: Ints, begin: int, end: int, marks_to: int, top: int, most: float, joint: JointOrder,
+    visits: Visits, fleet: Fleet, units: Units, heads: TeamState, marks: Marks,
 ) -> float:  # fmt: skip
     """Print `contours`, by turn, at turns begin..end - 1 (mutates units, heads, marks).
 

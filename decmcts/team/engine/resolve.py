@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from hashlib import blake2b
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s
 from decmcts.errors import InputError
 from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
@@ -53,14 +53,12 @@ class Resolved:
     digest: str
 
 
-def resolve(
-    problem: TeamProblem, plans: Mapping[int, NDArray[np.int32]], live: Sequence[int]
-) -> Resolved:
+def resolve(problem: TeamProblem, plans: Mapping[int, Int32s], live: Sequence[int]) -> Resolved:
     """Merge the plans of the live heads into one joint order.
 
     Parameters
     ----------
-    plans : Mapping[int, NDArray[np.int32]]
+    plans : Mapping[int, Int32s]
         Plan of each head, see `decmcts.team.engine.plans`; plans of heads that are
         not live are ignored. A head without a plan, or with one that means
         nothing, follows policy 0.
@@ -108,7 +106,7 @@ def first_policies_s(problem: TeamProblem, effort: int = 1) -> float:
     return min(resolve(problem, dict.fromkeys(heads, plan), heads).makespan_s for plan in plans)
 
 
-def fleet_for(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray[np.bool_]]:
+def fleet_for(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, Flags]:
     """Return the machine where only these heads move, and which of them may print what."""
     if len(team) == len(problem.machine.heads):
         return problem.fleet, problem.space.eligible
@@ -120,7 +118,7 @@ def fleet_for(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray
 
 
 def _dispatched(
-    problem: TeamProblem, intents: Mapping[int, Intent], fleet: Fleet, eligible: NDArray[np.bool_]
+    problem: TeamProblem, intents: Mapping[int, Intent], fleet: Fleet, eligible: Flags
 ) -> Resolved:
     """Let the heads choose by their plans."""
     heads = range(len(problem.machine.heads))
@@ -134,7 +132,7 @@ def _dispatched(
     return _resolved(units, len(heads))
 
 
-def keys_of(problem: TeamProblem, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def keys_of(problem: TeamProblem, weights: Floats) -> Floats:
     """Return when each head wants to print each contour, in progress of its part, (heads, n).
 
     `weights` (heads, 6) are rows of `POLICIES`, or like them.
@@ -146,12 +144,7 @@ def keys_of(problem: TeamProblem, weights: NDArray[np.float64]) -> NDArray[np.fl
     return keys
 
 
-def policy_of(
-    problem: TeamProblem,
-    weights: NDArray[np.float64],
-    keys: NDArray[np.float64],
-    eligible: NDArray[np.bool_],
-) -> Policy:
+def policy_of(problem: TeamProblem, weights: Floats, keys: Floats, eligible: Flags) -> Policy:
     """Return the policy of all heads as the kernels take it.
 
     Parameters
@@ -179,7 +172,7 @@ def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:
     return Toolpath.of(order.order, order.reversed & problem.visits.reversible[order.order])
 
 
-def is_allowed(problem: TeamProblem, stated: StatedOrder, eligible: NDArray[np.bool_]) -> bool:
+def is_allowed(problem: TeamProblem, stated: StatedOrder, eligible: Flags) -> bool:
     """Whether a stated order keeps precedence, directions and who may print what."""
     if stated.head.max(initial=0) >= eligible.shape[1]:
         return False
@@ -188,7 +181,7 @@ def is_allowed(problem: TeamProblem, stated: StatedOrder, eligible: NDArray[np.b
     return bool(may.all() and not is_reversed.any()) and _keeps_precedence(problem, stated.order)
 
 
-def _keeps_precedence(problem: TeamProblem, order: NDArray[np.int32]) -> bool:
+def _keeps_precedence(problem: TeamProblem, order: Int32s) -> bool:
     turn = np.empty(len(order), np.int64)
     turn[order] = np.arange(len(order))
     before, after = problem.graph.pairs().T

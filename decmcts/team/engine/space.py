@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.kinematics import separations
@@ -29,23 +29,23 @@ from decmcts.team.engine.spaces_kernels import Fleet, Pieces
 class Workspaces:
     """Boxes, eligibility and parking places of one print on one machine."""
 
-    boxes: NDArray[np.float64]  # (n, 4) min x, max x, min y, max y of each contour, mm
-    parks: NDArray[np.float64]  # (heads, 3) mm
-    eligible: NDArray[np.bool_]  # (n, heads) may print it, reaches all of it and can be let in
+    boxes: Floats  # (n, 4) min x, max x, min y, max y of each contour, mm
+    parks: Floats  # (heads, 3) mm
+    eligible: Flags  # (n, heads) may print it, reaches all of it and can be let in
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
             getattr(self, name).setflags(write=False)
 
 
-def contour_spaces(contours: Contours) -> NDArray[np.float64]:
+def contour_spaces(contours: Contours) -> Floats:
     """Return min x, max x, min y, max y, min z, max z of each contour's nozzle path, (n, 6)."""
     low = np.minimum.reduceat(contours.points, contours.offsets[:-1])
     high = np.maximum.reduceat(contours.points, contours.offsets[:-1])
     return np.stack([low, high], axis=2).reshape(-1, 6)
 
 
-def eligibility(contours: Contours, heads: tuple[Head, ...]) -> NDArray[np.bool_]:
+def eligibility(contours: Contours, heads: tuple[Head, ...]) -> Flags:
     """Return which head may print which contour: tool and reach, (n, heads)."""
     spaces, columns = contour_spaces(contours), []
     for head in heads:
@@ -55,12 +55,12 @@ def eligibility(contours: Contours, heads: tuple[Head, ...]) -> NDArray[np.bool_
     return np.stack(columns, axis=1)
 
 
-def body_boxes(head: Head) -> NDArray[np.float64]:
+def body_boxes(head: Head) -> Floats:
     """Return the box of every body and slice of a head, relative to its tip, (k, 6).
 
     A slice goes up for ever, as in the definition of what it blocks.
     """
-    boxes: list[NDArray[np.float64]] = []
+    boxes: list[Floats] = []
     for piece in head.slices:
         for polygon in piece.polygons:
             (x0, y0), (x1, y1) = polygon.min(axis=0), polygon.max(axis=0)
@@ -69,7 +69,7 @@ def body_boxes(head: Head) -> NDArray[np.float64]:
     return np.array(boxes, np.float64).reshape(-1, 6)
 
 
-def relation_of(machine: Machine, r: int, s: int) -> NDArray[np.float64]:
+def relation_of(machine: Machine, r: int, s: int) -> Floats:
     """Return the boxes of nozzle of s minus nozzle of r in which two heads are too near, (k, 6)."""
     mine, other = body_boxes(machine.heads[r]), body_boxes(machine.heads[s])
     gap = machine.head_clearance_mm
@@ -84,7 +84,7 @@ def relation_of(machine: Machine, r: int, s: int) -> NDArray[np.float64]:
     return boxes[_not_within_others(boxes)]
 
 
-def _not_within_others(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _not_within_others(boxes: Floats) -> Flags:
     """Return which boxes lie within no other (of equal ones the first is kept)."""
     within = (boxes[:, None, 0::2] >= boxes[None, :, 0::2]).all(axis=2)
     within &= (boxes[:, None, 1::2] <= boxes[None, :, 1::2]).all(axis=2)
@@ -93,9 +93,7 @@ def _not_within_others(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(~within.any(axis=1))
 
 
-def _aside_limits(
-    contours: Contours, machine: Machine
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _aside_limits(contours: Contours, machine: Machine) -> tuple[Floats, Floats]:
     """Return least and most x and y each head may step aside to, (heads, 2) each.
 
     That is bed and print as far as its reach goes, and the path to its park.
@@ -140,7 +138,7 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
     )
 
 
-def printing_times(job: PrintJob, machine: Machine) -> NDArray[np.float64]:
+def printing_times(job: PrintJob, machine: Machine) -> Floats:
     """Return the seconds each contour takes each head, under the limits it has, (heads, n)."""
     limits = [machine.limits_of(head) for head in machine.heads]
     different = {id(one): one for one in limits}  # most machines have one for all their heads
@@ -177,7 +175,7 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
     return Workspaces(boxes, parks, _let_in(eligible, job, machine, live))
 
 
-def able_heads(job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
+def able_heads(job: PrintJob, machine: Machine) -> Flags:
     """Tell of each contour which head may print it: the first found, or none, (n, heads).
 
     Others may be able too: asks no more heads than it must to know whether any is, which of many
@@ -206,9 +204,7 @@ def whole_pieces(contours: Contours) -> Pieces:
     )
 
 
-def _let_in(
-    reached: NDArray[np.bool_], job: PrintJob, machine: Machine, live: Sequence[int] | None
-) -> NDArray[np.bool_]:
+def _let_in(reached: Flags, job: PrintJob, machine: Machine, live: Sequence[int] | None) -> Flags:
     """Return which of the heads that reach each contour can be let in, (n, heads)."""
     contours = job.contours
     if len(machine.heads) < 2 or not len(contours):

@@ -17,8 +17,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import inlined, kernel
 from decmcts.print.motion_kernels import trapezoid_time
 
@@ -26,16 +26,14 @@ from decmcts.print.motion_kernels import trapezoid_time
 class Pieces(NamedTuple):
     """Pieces of every contour, along it and then the other way."""
 
-    offsets: NDArray[np.int64]  # (2 n + 1,) contour c along is row 2 c, back row 2 c + 1
-    space: NDArray[np.float64]  # (k, 6)
-    share: NDArray[np.float64]  # (k,) share of the contour's length that lies before
-    point: NDArray[np.int32]  # (k,) vertex of the path it begins at
+    offsets: Ints  # (2 n + 1,) contour c along is row 2 c, back row 2 c + 1
+    space: Floats  # (k, 6)
+    share: Floats  # (k,) share of the contour's length that lies before
+    point: Int32s  # (k,) vertex of the path it begins at
 
 
 @kernel
-def spaces_left(
-    points: NDArray[np.float64], is_reversed: bool, space: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def spaces_left(points: Floats, is_reversed: bool, space: Floats) -> Floats:
     """Write to `space` (m, 6) what is left from each vertex on; returns the length before it."""
     m = len(points)
     before = np.zeros(m)
@@ -55,7 +53,7 @@ def spaces_left(
 
 
 @kernel
-def cut(space: NDArray[np.float64], step: float, most: int, chosen: NDArray[np.int32]) -> int:
+def cut(space: Floats, step: float, most: int, chosen: Int32s) -> int:
     """Write to `chosen` the vertices where pieces begin; returns how many."""
     chosen[0], count = 0, 1
     for i in range(1, len(space) - 1):
@@ -70,13 +68,7 @@ def cut(space: NDArray[np.float64], step: float, most: int, chosen: NDArray[np.i
 
 
 @kernel
-def cut_pieces(
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    reversible: NDArray[np.bool_],
-    step: float,
-    most: int,
-) -> Pieces:
+def cut_pieces(points: Floats, offsets: Ints, reversible: Flags, step: float, most: int) -> Pieces:
     """Cut every contour, both ways where it may be printed back, at most into `most` pieces.
 
     A piece begins where the space has shrunk by `step` mm along x or y; `most` 1: none does.
@@ -107,7 +99,7 @@ def cut_pieces(
 
 
 Space = tuple[float, float, float, float, float, float]
-Point = tuple[float, float, float] | NDArray[np.float64]  # x, y, z
+Point = tuple[float, float, float] | Floats  # x, y, z
 
 TOUCH = 1e-9  # mm; reserved spaces exactly as far apart as they must be are clear
 
@@ -115,25 +107,25 @@ TOUCH = 1e-9  # mm; reserved spaces exactly as far apart as they must be are cle
 class Fleet(NamedTuple):
     """The heads of a machine as the kernels see them."""
 
-    relation: NDArray[np.float64]  # (k, 6) boxes of nozzle of s minus nozzle of r, mm
-    relation_offsets: NDArray[np.int64]  # (heads * heads + 1,) pair (r, s) is row r * heads + s
-    parks: NDArray[np.float64]  # (heads, 3) where they begin and end
-    low: NDArray[np.float64]  # (heads, 2) least x and y a head may step aside to
-    high: NDArray[np.float64]  # (heads, 2)
-    travel: NDArray[np.float64]  # (heads, 6) see `travel_seconds`
+    relation: Floats  # (k, 6) boxes of nozzle of s minus nozzle of r, mm
+    relation_offsets: Ints  # (heads * heads + 1,) pair (r, s) is row r * heads + s
+    parks: Floats  # (heads, 3) where they begin and end
+    low: Floats  # (heads, 2) least x and y a head may step aside to
+    high: Floats  # (heads, 2)
+    travel: Floats  # (heads, 6) see `travel_seconds`
     ceiling: float  # no travel rises higher, mm
     rest_s: float  # what a head loses where it waits for another, `decmcts.print.machine`
     lined: bool  # all heads on one rail: whatever the order, each can return to its park
 
 
 @inlined
-def space_at(spaces: NDArray[np.float64], k: int) -> Space:
+def space_at(spaces: Floats, k: int) -> Space:
     """Return row k of `spaces` (m, 6)."""
     return spaces[k, 0], spaces[k, 1], spaces[k, 2], spaces[k, 3], spaces[k, 4], spaces[k, 5]
 
 
 @inlined
-def keep_space(space: Space, spaces: NDArray[np.float64], k: int) -> None:
+def keep_space(space: Space, spaces: Floats, k: int) -> None:
     """Write a space to row k of `spaces` (m, 6)."""
     for side in range(6):
         spaces[k, side] = space[side]
@@ -189,7 +181,7 @@ def join_spaces(a: Space, b: Space) -> Space:
 
 
 @kernel
-def travel_seconds(p: Point, q: Point, travel: NDArray[np.float64]) -> float:
+def travel_seconds(p: Point, q: Point, travel: Floats) -> float:
     """Estimate of a travel from p to q: level move, height difference, retraction.
 
     `travel` is feed, acceleration, z feed, z acceleration, seconds of a retraction, and

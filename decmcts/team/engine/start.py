@@ -11,16 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.team.engine.plans import Changes, StatedOrder
 from decmcts.team.engine.sweep_kernels import not_before
 
 LONG = 1.5  # runs that take longer than so many medians are parted
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +68,7 @@ def start_of(stated: StatedOrder, layer: Ints, middle_mm: Floats, seconds: Float
 def changed_order(
     start: StartingOrder,
     changes: Mapping[int, Changes],
-    eligible: NDArray[np.bool_],
+    eligible: Flags,
     graph: DependencyGraph,
 ) -> StatedOrder:
     """Return the joint order after what each head changes of its own macro-actions.

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 
 @kernel
-def not_before(
-    group: NDArray[np.int64], pred_offsets: NDArray[np.int64], preds: NDArray[np.int32]
-) -> None:
+def not_before(group: Ints, pred_offsets: Ints, preds: Int32s) -> None:
     """Move each contour to the group of the last that must come before it, if that is later."""
     for c in range(len(group)):  # numbered so that what comes before has a lower number
         for k in range(pred_offsets[c], pred_offsets[c + 1]):
@@ -20,13 +18,13 @@ def not_before(
 
 @kernel
 def with_stragglers(
-    natural: NDArray[np.int64],
-    group: NDArray[np.int64],
-    head: NDArray[np.int64],
-    eligible: NDArray[np.bool_],
-    pred_offsets: NDArray[np.int64],
-    preds: NDArray[np.int32],
-) -> NDArray[np.bool_]:
+    natural: Ints,
+    group: Ints,
+    head: Ints,
+    eligible: Flags,
+    pred_offsets: Ints,
+    preds: Int32s,
+) -> Flags:
     """Give what was moved to a later group to the head it waited for, if that may print it.
 
     Parameters
@@ -37,7 +35,7 @@ def with_stragglers(
 
     Returns
     -------
-    NDArray[np.bool_]
+    Flags
         Which contours should come first in their groups: those that were moved, as they lie
         where the heads have been already, and what must be printed before them, (n,).
     """
@@ -56,14 +54,14 @@ def with_stragglers(
 
 @kernel
 def nearest_by_group(
-    group: NDArray[np.int64],
-    head: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    reversible: NDArray[np.bool_],
-    at: NDArray[np.float64],
-    pred_offsets: NDArray[np.int64],
-    preds: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    group: Ints,
+    head: Ints,
+    ends: Floats,
+    reversible: Flags,
+    at: Floats,
+    pred_offsets: Ints,
+    preds: Int32s,
+) -> tuple[Int32s, Flags]:
     """Return an order of all contours, and which of them run reversed, (n,) each.
 
     Parameters

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from hashlib import blake2b
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.plans import StatedOrder, decode
@@ -23,7 +23,7 @@ from decmcts.team.engine.resolve import resolve
 REMEMBERED = 50_000  # makespans of joint plans kept
 EACH = 200  # contours whose work all else in an evaluation is counted as
 
-Plan = NDArray[np.int32]
+Plan = Int32s
 TeamHeads = tuple[int, ...]  # heads, in order
 
 

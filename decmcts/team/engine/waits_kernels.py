@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.print.lags_kernels import Lags
 from decmcts.team.engine.joint_kernels import NONE, UNIT_PRINT, Units, Visits, first_clear_piece
@@ -24,18 +25,17 @@ AT_END = -1
 class Waits(NamedTuple):
     """What units wait for, and how units of one head follow one another."""
 
-    own: NDArray[np.int64]  # (m,) index within the head's units
-    place: NDArray[np.int64]  # (n,) unit that prints each contour
-    rows: NDArray[np.int64]  # (heads, m) row of each head's k-th unit
-    counts: NDArray[np.int64]  # (heads,) units of each head
-    after: NDArray[np.int64]  # (m, heads) that head's unit to wait for; NONE
-    point: NDArray[np.int32]  # (m, heads) vertex of it that must be passed; AT_END
+    own: Ints  # (m,) index within the head's units
+    place: Ints  # (n,) unit that prints each contour
+    rows: Ints  # (heads, m) row of each head's k-th unit
+    counts: Ints  # (heads,) units of each head
+    after: Ints  # (m, heads) that head's unit to wait for; NONE
+    point: Int32s  # (m, heads) vertex of it that must be passed; AT_END
 
 
 @kernel
 def latest_in_the_way(
-    row: int, s: int, lowest: int, joined: NDArray[np.float64], waits: Waits, fleet: Fleet,
-    units: Units,
+    row: int, s: int, lowest: int, joined: Floats, waits: Waits, fleet: Fleet, units: Units,
 ) -> int:  # fmt: skip
     """Index of the last of head s's units so far in the way of a unit; `lowest` - 1: none is.
 
@@ -70,7 +70,7 @@ def latest_pred(row: int, s: int, waits: Waits, visits: Visits, units: Units) ->
 
 @kernel
 def need_of(
-    row: int, s: int, known: NDArray[np.int64], joined: NDArray[np.float64], waits: Waits,
+    row: int, s: int, known: Ints, joined: Floats, waits: Waits,
     visits: Visits, fleet: Fleet, units: Units,
 ) -> tuple[int, int]:  # fmt: skip
     """Return what a unit needs of head s: a unit and a point of it, or AT_END; NONE: nothing.
@@ -130,7 +130,7 @@ def find_waits(visits: Visits, fleet: Fleet, units: Units) -> Waits:
 
 
 @kernel
-def first_later(head: NDArray[np.int32], waits: Waits) -> NDArray[np.int64]:
+def first_later(head: Int32s, waits: Waits) -> Ints:
     """For each unit and each head: the first unit of that head ordered after its end, (m, heads).
 
     That head's number of units where there is none. The values never fall along a head's
@@ -157,19 +157,19 @@ def first_later(head: NDArray[np.int32], waits: Waits) -> NDArray[np.int64]:
 class UnitOrder(NamedTuple):
     """Units of all heads in the order they were placed, with their waits."""
 
-    head: NDArray[np.int32]  # (m,)
+    head: Int32s  # (m,)
     kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK
-    contour: NDArray[np.int32]  # (m,) -1 unless printed
-    target: NDArray[np.float64]  # (m, 3) where it ends
-    own: NDArray[np.int64]  # as in `Waits`, to `point`
-    place: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    after: NDArray[np.int64]
-    point: NDArray[np.int32]
-    later: NDArray[np.int64]  # (m, heads) that head's first unit ordered after this one
+    contour: Int32s  # (m,) -1 unless printed
+    target: Floats  # (m, 3) where it ends
+    own: Ints  # as in `Waits`, to `point`
+    place: Ints
+    rows: Ints
+    counts: Ints
+    after: Ints
+    point: Int32s
+    later: Ints  # (m, heads) that head's first unit ordered after this one
 
-    def of_head(self, r: int) -> NDArray[np.int64]:
+    def of_head(self, r: int) -> Ints:
         """Return the rows of a head's units in its order."""
         return self.rows[r, : self.counts[r]]
 
@@ -177,13 +177,13 @@ class UnitOrder(NamedTuple):
 class Rests(NamedTuple):
     """Where heads rest so that what is below can cool; written."""
 
-    seconds: NDArray[np.float64]  # (m,) rest before each unit
-    begin: NDArray[np.float64]  # (m,) when that rest begins
-    row: NDArray[np.int64]  # (k,) unit that waits for a cooling one before it
-    other: NDArray[np.int64]  # (k,) head and
-    unit: NDArray[np.int64]  # (k,) index within that head of the one that cools
-    first: NDArray[np.bool_]  # (k,) before the unit's rest begins, not before the unit does
-    used: NDArray[np.int64]  # (1,) of these
+    seconds: Floats  # (m,) rest before each unit
+    begin: Floats  # (m,) when that rest begins
+    row: Ints  # (k,) unit that waits for a cooling one before it
+    other: Ints  # (k,) head and
+    unit: Ints  # (k,) index within that head of the one that cools
+    first: Flags  # (k,) before the unit's rest begins, not before the unit does
+    used: Ints  # (1,) of these
 
 
 @kernel
@@ -198,7 +198,7 @@ def last_below(c: int, s: int, units: UnitOrder, lags: Lags) -> tuple[int, float
 
 
 @kernel
-def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: UnitOrder) -> int:
+def known_since(row: int, s: int, last: int, sure: Ints, units: UnitOrder) -> int:
     """First unit of a row's head, before it, at whose begin unit `last` of s has surely ended."""
     own = units.rows[units.head[row]]
     low, high = 0, units.own[row]
@@ -213,9 +213,8 @@ def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: Uni
 
 @kernel
 def rest_for(
-    row: int, s: int, last: int, lag: float, worked: float, least: float,
-    begin: NDArray[np.float64], done: NDArray[np.float64], ended: float,
-    sure: NDArray[np.int64], units: UnitOrder, rests: Rests,
+    row: int, s: int, last: int, lag: float, worked: float, least: float, begin: Floats,
+    done: Floats, ended: float, sure: Ints, units: UnitOrder, rests: Rests,
 ) -> float:  # fmt: skip
     """How long a unit rests before it begins, `lag` after unit `last` of head s has ended.
 
@@ -247,12 +246,12 @@ def rest_for(
 @kernel
 def let_cool(
     units: UnitOrder,
-    passing: NDArray[np.float64],
-    seconds: NDArray[np.float64],
+    passing: Floats,
+    seconds: Floats,
     lags: Lags,
     least: float,
     step: float,
-) -> tuple[NDArray[np.float64], Rests]:
+) -> tuple[Floats, Rests]:
     """When each unit begins if all begin as early as their waits allow, and rests for cooling.
 
     `passing` (m, heads): seconds from the begin of what is waited for until it is passed. Rests

@@ -11,10 +11,10 @@ numbers the least makespan is one too, and the bound goes up to the next whole n
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import linprog
 
+from decmcts.arrays import Floats, Ints
 from decmcts.formats.bare.qcsp import QcspProblem
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
@@ -55,9 +55,7 @@ def _rows(problem: QcspProblem) -> float:
     return _flow(work, first, second, q)
 
 
-def _flow(
-    work: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64], q: int
-) -> float:
+def _flow(work: Floats, first: Ints, second: Ints, q: int) -> float:
     """Return the least flow that visits every bay for as long as its work takes.
 
     Node (k, b): the k-th of a row works at bay b. Unknowns: what begins at each bay,

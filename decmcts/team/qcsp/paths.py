@@ -20,16 +20,14 @@ full speed or the right one right, so they only move apart.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s
 from decmcts.formats.bare.qcsp import QcspProblem
 
 _LEVEL = 1e-9  # bays; what is straight to this is one move
 
 
-def paths_of(
-    problem: QcspProblem, crane: NDArray[np.int32], begin: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], ...]:
+def paths_of(problem: QcspProblem, crane: Int32s, begin: Floats) -> tuple[Floats, ...]:
     """Return for each crane (k, 2) rows (time, position), straight in between.
 
     Parameters
@@ -40,8 +38,8 @@ def paths_of(
     end = begin + problem.duration
     last = float(end.max(initial=0.0))
     behind = min(problem.bay.min(initial=problem.start[0]), problem.start.min())  # left of all
-    paths: list[NDArray[np.float64]] = []
-    left: NDArray[np.float64] | None = None
+    paths: list[Floats] = []
+    left: Floats | None = None
     for v in range(problem.cranes):
         mine = np.flatnonzero(crane == v)
         stops = np.stack([begin[mine], end[mine], problem.bay[mine].astype(np.float64)], axis=1)
@@ -57,9 +55,7 @@ def paths_of(
     return tuple(paths)
 
 
-def _own_path(
-    stops: NDArray[np.float64], floor: float, travel: float, last: float
-) -> NDArray[np.float64]:
+def _own_path(stops: Floats, floor: float, travel: float, last: float) -> Floats:
     """Return the path of one crane by its own stops, (k, 3) rows (begin, end, place)."""
     points: list[tuple[float, float]] = []
     for k, (begin, end, place) in enumerate(stops):
@@ -83,9 +79,7 @@ def _own_path(
     return np.stack([times, path[first, 1]], axis=1)
 
 
-def _extreme(
-    one: NDArray[np.float64], other: NDArray[np.float64], choose: np.ufunc
-) -> NDArray[np.float64]:
+def _extreme(one: Floats, other: Floats, choose: np.ufunc) -> Floats:
     """Return the larger, or the smaller, of two paths at every moment."""
     times = np.union1d(one[:, 0], other[:, 0])
     a, b = np.interp(times, *one.T), np.interp(times, *other.T)
@@ -97,7 +91,7 @@ def _extreme(
     return _straightened(np.stack([times, found], axis=1))
 
 
-def _straightened(path: NDArray[np.float64]) -> NDArray[np.float64]:
+def _straightened(path: Floats) -> Floats:
     """Return the path without rows on the line between the rows kept on both sides."""
     kept = [0]
     for k in range(1, len(path) - 1):
@@ -109,7 +103,7 @@ def _straightened(path: NDArray[np.float64]) -> NDArray[np.float64]:
     return path[kept]
 
 
-def _from_start(path: NDArray[np.float64], start: float, travel: float) -> NDArray[np.float64]:
+def _from_start(path: Floats, start: float, travel: float) -> Floats:
     """Return the path joined at full speed from `start`."""
     last, gap = path[-1, 0], start - path[0, 1]
     if last == 0.0:

@@ -25,6 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
 from decmcts.print.brief import brief
 from decmcts.random_kernels import seeded
@@ -55,7 +56,7 @@ class QcspResult:
     schedule: QcspSchedule
     bound: float  # no schedule ends earlier
     proposals: int
-    history: NDArray[np.float64]  # (k, 3) seconds, proposals, makespan at each improvement
+    history: Floats  # (k, 3) seconds, proposals, makespan at each improvement
     seed: int
 
     @property
@@ -64,7 +65,7 @@ class QcspResult:
         return np.argsort(self.schedule.begin, kind="stable")
 
     @property
-    def assignments(self) -> NDArray[np.int32]:
+    def assignments(self) -> Int32s:
         """Which crane does each task, (n,)."""
         return self.schedule.crane
 
@@ -99,10 +100,10 @@ class _Thread:
 
     number: int
     problem: CraneProblem
-    sweep: NDArray[np.int32]  # (n,) tasks along the rail
+    sweep: Int32s  # (n,) tasks along the rail
     rightward: bool
     schedule: CraneSchedule
-    best: tuple[NDArray[np.int32], NDArray[np.int32]]  # order and cranes
+    best: tuple[Int32s, Int32s]  # order and cranes
     state: NDArray[np.uint64]  # (1,) mutated
     slice: int  # proposals between looks at the clock
     least: float = np.inf  # makespan of its best sweep
@@ -132,7 +133,7 @@ class _Thread:
                 goal.reached.append((made, self.number))
         return made
 
-    def go_to(self, order: NDArray[np.int32], crane: NDArray[np.int32]) -> None:
+    def go_to(self, order: Int32s, crane: Int32s) -> None:
         """Go on from this order and these cranes; the times are found later."""
         self.schedule.order[:], self.schedule.crane[:] = order, crane
 
@@ -268,7 +269,7 @@ class _CraneSearch:
     def _keep(
         self,
         threads: list[_Thread],
-        own: list[tuple[NDArray[np.int32], NDArray[np.int32]]],
+        own: list[tuple[Int32s, Int32s]],
         *,
         free: bool,
     ) -> None:
@@ -329,7 +330,7 @@ def _threads_of(problem: QcspProblem, seed: int) -> Iterator[_Thread]:
         yield _Thread(thread, arrays, sweep, rightward, schedule, best, state, looks)
 
 
-def _arrays_of(problem: QcspProblem) -> tuple[CraneProblem, NDArray[np.int64]]:
+def _arrays_of(problem: QcspProblem) -> tuple[CraneProblem, Ints]:
     """Return the problem as kernels take it, and how many tasks come before each."""
     n = len(problem)
     before = np.zeros((n, n), np.bool_)

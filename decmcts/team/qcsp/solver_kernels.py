@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s
 from decmcts.compiled import kernel
 from decmcts.random_kernels import below, length_up_to, uniform
 from decmcts.search.sequence.borrowed_kernels import borrowed
@@ -39,15 +40,15 @@ LONGEST_SHIFT = 32  # places a task moves in the order
 class CraneProblem(NamedTuple):
     """The problem as arrays; bays are numbered from 0."""
 
-    duration: NDArray[np.float64]  # (n,)
-    bay: NDArray[np.int32]  # (n,)
-    pred_offsets: NDArray[np.int32]  # (n + 1,)
-    preds: NDArray[np.int32]  # (m,) direct ones
-    succ_offsets: NDArray[np.int32]  # (n + 1,)
-    succs: NDArray[np.int32]  # (m,)
-    before: NDArray[np.bool_]  # (n, n) row before column, direct or not
-    ready: NDArray[np.float64]  # (q,)
-    start: NDArray[np.int32]  # (q,)
+    duration: Floats  # (n,)
+    bay: Int32s  # (n,)
+    pred_offsets: Int32s  # (n + 1,)
+    preds: Int32s  # (m,) direct ones
+    succ_offsets: Int32s  # (n + 1,)
+    succs: Int32s  # (m,)
+    before: Flags  # (n, n) row before column, direct or not
+    ready: Floats  # (q,)
+    start: Int32s  # (q,)
     travel: float
     spacing: int
     bays: int
@@ -56,18 +57,18 @@ class CraneProblem(NamedTuple):
 class CraneSchedule(NamedTuple):
     """One schedule, changed in place."""
 
-    order: NDArray[np.int32]  # (n,) all tasks, each after what it rests on
-    crane: NDArray[np.int32]  # (n,) by task
-    begin: NDArray[np.float64]  # (n,) by task
-    end: NDArray[np.float64]  # (n,) by task
+    order: Int32s  # (n,) all tasks, each after what it rests on
+    crane: Int32s  # (n,) by task
+    begin: Floats  # (n,) by task
+    end: Floats  # (n,) by task
     # (q, bays) latest end + bay * travel of a crane's tasks at this bay or further right,
     # and end - bay * travel at this bay or further left; -inf: none
-    rightward: NDArray[np.float64]
-    leftward: NDArray[np.float64]
-    at: NDArray[np.int32]  # (q,) bay of each crane's last task
-    free: NDArray[np.float64]  # (q,) its end
-    load: NDArray[np.float64]  # (q,) duration of all its tasks
-    left: NDArray[np.float64]  # (q,) of those not placed yet
+    rightward: Floats
+    leftward: Floats
+    at: Int32s  # (q,) bay of each crane's last task
+    free: Floats  # (q,) its end
+    load: Floats  # (q,) duration of all its tasks
+    left: Floats  # (q,) of those not placed yet
 
 
 @kernel
@@ -164,10 +165,10 @@ def decode(problem: CraneProblem, schedule: CraneSchedule, limit: float) -> tupl
 def order_sweep(
     problem: CraneProblem,
     schedule: CraneSchedule,
-    sweep: NDArray[np.int32],
+    sweep: Int32s,
     rightward: bool,
-    lists: NDArray[np.int32],
-    missing: NDArray[np.int32],
+    lists: Int32s,
+    missing: Int32s,
 ) -> None:
     """Mutate `schedule.order`: the tasks as cranes of a sweep meet them, the crane ahead first.
 
@@ -204,9 +205,7 @@ def order_sweep(
 
 
 @kernel
-def _place(
-    problem: CraneProblem, order: NDArray[np.int32], missing: NDArray[np.int32], j: int, placed: int
-) -> int:
+def _place(problem: CraneProblem, order: Int32s, missing: Int32s, j: int, placed: int) -> int:
     """Mutate `order` and `missing`: task j is next; return how many are placed."""
     order[placed] = j
     missing[j] = -1
@@ -223,9 +222,7 @@ def _adjacent_crane(state: NDArray[np.uint64], v: int, q: int) -> int:
 
 
 @kernel
-def _reassign(
-    crane: NDArray[np.int32], sweep: NDArray[np.int32], q: int, state: NDArray[np.uint64]
-) -> bool:
+def _reassign(crane: Int32s, sweep: Int32s, q: int, state: NDArray[np.uint64]) -> bool:
     """Mutate `crane` and `state`: other cranes for some tasks; return whether any changed."""
     n, kind = len(sweep), below(state, 8)
     k = below(state, n)
@@ -251,7 +248,7 @@ def _reassign(
 
 
 @kernel
-def _shift(problem: CraneProblem, order: NDArray[np.int32], a: int, most: int, later: bool) -> bool:
+def _shift(problem: CraneProblem, order: Int32s, a: int, most: int, later: bool) -> bool:
     """Mutate `order`: move the task at place a by up to `most` places its precedence allows."""
     j, b = order[a], a
     if later:
@@ -290,9 +287,9 @@ def _rearrange(problem: CraneProblem, schedule: CraneSchedule, state: NDArray[np
 def anneal_schedule(
     problem: CraneProblem,
     schedule: CraneSchedule,
-    best: tuple[NDArray[np.int32], NDArray[np.int32]],
-    costs: NDArray[np.float64],
-    sweep: NDArray[np.int32],
+    best: tuple[Int32s, Int32s],
+    costs: Floats,
+    sweep: Int32s,
     rightward: bool,
     state: NDArray[np.uint64],
     temperatures: tuple[float, float],

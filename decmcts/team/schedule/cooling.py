@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_contours
 from decmcts.print.contours import Contours
@@ -47,9 +47,9 @@ class TimedOrder:
 
 def find_lags(
     contours: Contours,
-    times: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    times: Sequence[tuple[Floats, Floats]],
     min_layer_time_s: float,
-    left_s: NDArray[np.float64] | None = None,
+    left_s: Floats | None = None,
 ) -> list[Lags]:
     """Return how long what is under a contour must cool: the rule, or the source's lag if less.
 
@@ -77,9 +77,7 @@ def find_lags(
     return found
 
 
-def time_left(
-    contours: Contours, begin: NDArray[np.float64], end: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def time_left(contours: Contours, begin: Floats, end: Floats) -> Floats:
     """Return how long before each contour the last of what is under it ends, s, (n,).
 
     Infinite where nothing is under it.
@@ -87,7 +85,7 @@ def time_left(
     return _left(*_right_under(contours), begin, end)
 
 
-def _right_under(contours: Contours) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def _right_under(contours: Contours) -> tuple[Ints, Int32s]:
     """Return pairs of contours of which the second is right under the first, (k,) each."""
     top = contours.top
     by_top = np.argsort(top, kind="stable").astype(np.int32)
@@ -96,19 +94,14 @@ def _right_under(contours: Contours) -> tuple[NDArray[np.int64], NDArray[np.int3
     return np.repeat(np.arange(len(contours)), np.diff(offsets)), below
 
 
-def _left(
-    above: NDArray[np.int64], below: NDArray[np.int32],
-    begin: NDArray[np.float64], end: NDArray[np.float64],
-) -> NDArray[np.float64]:  # fmt: skip
+def _left(above: Ints, below: Int32s, begin: Floats, end: Floats) -> Floats:
     """Return the time from the last of what is under each contour to its begin, s."""
     given = np.full(len(begin), np.inf)
     np.minimum.at(given, above, begin[above] - end[below])
     return given
 
 
-def source_times(
-    job: PrintJob, machine: Machine, graph: DependencyGraph
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def source_times(job: PrintJob, machine: Machine, graph: DependencyGraph) -> tuple[Floats, Floats]:
     """Return when the source's order begins and ends each contour by the clock of `cooled`."""
     visits, travel = _visits(job, machine, graph, Toolpath.as_sliced(len(job.contours)))
     first, last = visits.ends[:, 0], visits.ends[:, 1]
@@ -118,14 +111,14 @@ def source_times(
     return end - visits.seconds[0], end
 
 
-def timed_lags_of(lags: Lags, begin: NDArray[np.float64], end: NDArray[np.float64]) -> TimedLags:
+def timed_lags_of(lags: Lags, begin: Floats, end: Floats) -> TimedLags:
     """Return the lags as a search keeps them, from `source_times` of at least one contour."""
     printing = end - begin
     travel = (end[-1] - printing.sum()) / len(end)
     return TimedLags.kept_by_source(lags, printing + TRAVEL_SHARE * travel)
 
 
-def print_times(actions: HeadActions, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def print_times(actions: HeadActions, n: int) -> tuple[Floats, Floats]:
     """Return when each of `n` contours begins and ends in a plan for one head, each (n,)."""
     rows = actions.kind == ActionKind.PRINT
     begin, end = np.zeros(n), np.zeros(n)
@@ -136,7 +129,7 @@ def print_times(actions: HeadActions, n: int) -> tuple[NDArray[np.float64], NDAr
 
 def _visits(
     job: PrintJob, machine: Machine, graph: DependencyGraph, toolpath: Toolpath
-) -> tuple[Visits, NDArray[np.float64]]:
+) -> tuple[Visits, Floats]:
     """Return the contours as a toolpath runs them, and what travels take."""
     seconds, nowhere = job_times(job, machine.limits), np.zeros(len(job.contours), np.bool_)
     visits = visits_of(job.contours, graph, seconds[None], nowhere, in_pieces=False)
@@ -145,7 +138,7 @@ def _visits(
     return visits._replace(ends=ends), np.array(travel_row(job.settings, machine.limits))
 
 
-def _park(machine: Machine) -> NDArray[np.float64]:
+def _park(machine: Machine) -> Floats:
     return np.array(machine.heads[0].park, np.float64)
 
 

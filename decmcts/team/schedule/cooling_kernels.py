@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import Centrelines
 from decmcts.feasibility.closure_kernels import touches
@@ -28,22 +28,22 @@ TIE_MM = 1e-4  # heights and distances nearer than this are equal
 class CoolingProgress(NamedTuple):
     """How far a sequence is printed; all arrays are written as it goes on."""
 
-    ended: NDArray[np.float64]  # (n,) end of each contour, NEVER: not ended
-    ready: NDArray[np.float64]  # (n,) soonest begin of each available contour, when all has cooled
-    missing: NDArray[np.int64]  # (n,) predecessors not yet printed
-    available: NDArray[np.int32]  # (n,) contours that could be next: the first n_available
-    place: NDArray[np.int64]  # (n,) place of each in `available`, NONE if not there
-    n_available: NDArray[np.int64]  # (1,)
+    ended: Floats  # (n,) end of each contour, NEVER: not ended
+    ready: Floats  # (n,) soonest begin of each available contour, when all has cooled
+    missing: Ints  # (n,) predecessors not yet printed
+    available: Int32s  # (n,) contours that could be next: the first n_available
+    place: Ints  # (n,) place of each in `available`, NONE if not there
+    n_available: Ints  # (1,)
 
 
 @kernel
 def printed_over(
     beads: Centrelines,
-    by_top: NDArray[np.int32],
-    top: NDArray[np.float64],
-    height: NDArray[np.float64],
-    width: NDArray[np.float64],
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    by_top: Int32s,
+    top: Floats,
+    height: Floats,
+    width: Floats,
+) -> tuple[Ints, Int32s]:
     """Return the contours right below each contour, in CSR form.
 
     `by_top` are the contours by the height of their top, `top` these heights. a
@@ -88,8 +88,8 @@ def make_available(c: int, lags: Lags, progress: CoolingProgress) -> None:
 def take(
     c: int,
     ended: float,
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
+    succ_offsets: Ints,
+    succs: Int32s,
     lags: Lags,
     progress: CoolingProgress,
 ) -> None:
@@ -111,9 +111,9 @@ def take(
 def filler(
     c: int,
     now: float,
-    at: NDArray[np.float64],
+    at: Floats,
     visits: Visits,
-    travel: NDArray[np.float64],
+    travel: Floats,
     progress: CoolingProgress,
 ) -> int:
     """Return the contour to print while c cools, the soonest there, or c if none saves time."""
@@ -137,15 +137,15 @@ def filler(
 
 @kernel
 def follow(
-    order: NDArray[np.int32],
-    start: NDArray[np.float64],
+    order: Int32s,
+    start: Floats,
     visits: Visits,
-    succ_offsets: NDArray[np.int64],
-    succs: NDArray[np.int32],
+    succ_offsets: Ints,
+    succs: Int32s,
     lags: Lags,
-    travel: NDArray[np.float64],
+    travel: Floats,
     fill: bool,
-) -> tuple[NDArray[np.int32], float, float]:
+) -> tuple[Int32s, float, float]:
     """Print a sequence, waiting where it must; return what was printed when in a row.
 
     Returns the order (with `fill` waits are filled with later work), the

@@ -19,8 +19,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.kinematics import line_up
@@ -51,7 +51,7 @@ class OrderChoices:
     objective: str = "travel"  # in mm, or "time" in s
 
 
-def first_entries(job: PrintJob, orders: OrderChoices, alone: Toolpath) -> NDArray[np.int32]:
+def first_entries(job: PrintJob, orders: OrderChoices, alone: Toolpath) -> Int32s:
     """Return where each loop is entered while heads plan, (n,).
 
     A seam policy may name the vertex. With seam `nearest` it is where the order for one head
@@ -70,7 +70,7 @@ def entries_of(job: PrintJob, orders: OrderChoices) -> SeamEntries | None:
     return seam_entries(job.contours, orders.seam)  # type: ignore[arg-type]
 
 
-def agreed_job(job: PrintJob, orders: OrderChoices, entry: NDArray[np.int32]) -> PrintJob:
+def agreed_job(job: PrintJob, orders: OrderChoices, entry: Int32s) -> PrintJob:
     """Return the print as heads plan it: loops entered there, nothing reversed if all is fixed."""
     contours = job.contours
     if orders.freedom == "fixed":
@@ -83,7 +83,7 @@ def agreed_job(job: PrintJob, orders: OrderChoices, entry: NDArray[np.int32]) ->
     return replace(job, contours=as_run(contours, run, offsets), acceleration=accelerations)
 
 
-def with_entries(toolpaths: Sequence[Toolpath], entry: NDArray[np.int32]) -> list[Toolpath]:
+def with_entries(toolpaths: Sequence[Toolpath], entry: Int32s) -> list[Toolpath]:
     """Return toolpaths for `agreed_job` as toolpaths for the job it is of."""
     return [replace(path, entry=entry[path.order]) for path in toolpaths]
 
@@ -209,7 +209,7 @@ def differ(one: Sequence[Toolpath], other: Sequence[Toolpath]) -> bool:
     )
 
 
-def _along(problem: OrderProblem, toolpath: Toolpath, park: NDArray[np.float64]) -> Toolpath:
+def _along(problem: OrderProblem, toolpath: Toolpath, park: Floats) -> Toolpath:
     """Return one head's sequence, from its park and back, entered where it costs least."""
     order, k = toolpath.order, len(toolpath)
     if not k:
@@ -237,18 +237,15 @@ def _along(problem: OrderProblem, toolpath: Toolpath, park: NDArray[np.float64])
     return replace(toolpath, reversed=is_reversed[1:-1].astype(np.bool_), entry=entry)
 
 
-Ints = NDArray[np.int32]
-
-
 def biased_entries(
     job: PrintJob,
     machine: Machine,
     graph: DependencyGraph,
     orders: OrderChoices,
-    entry: Ints,
+    entry: Int32s,
     entries: SeamEntries | None,
     lags: Lags,
-) -> Ints:
+) -> Int32s:
     """Return where each loop is entered while heads plan: at `entry`, as sliced or biased, (n,).
 
     Of these the entries are taken with which the first policies reach the shortest makespan. It is
@@ -260,7 +257,7 @@ def biased_entries(
     if machine.release != "point" or len(machine.heads) < 2:
         return entry
 
-    def entered(chosen: Ints) -> TeamProblem:
+    def entered(chosen: Int32s) -> TeamProblem:
         return build_team_problem(agreed_job(job, orders, chosen), machine, graph, lags)
 
     usual = entered(entry)
@@ -270,7 +267,7 @@ def biased_entries(
     return (entry, *others)[int(np.argmin(makespans))]
 
 
-def _biased(job: PrintJob, problem: TeamProblem, entries: SeamEntries) -> Iterator[Ints]:
+def _biased(job: PrintJob, problem: TeamProblem, entries: SeamEntries) -> Iterator[Int32s]:
     """Yield entries biased apart, to the low end of the machine, and to the high one."""
     axis, _ = line_up(problem.machine)
     loop = entries.contour()

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.detours import Detours
@@ -120,7 +120,7 @@ def _join_actions(
     return plan if len(machine.heads) < 2 else with_stops(plan, job, machine, times)
 
 
-def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float64]:
+def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> Floats:
     """Return the seconds until what a unit waits for is passed, from its begin, (m, heads)."""
     passing = np.zeros(order.after.shape)
     for s, timed in enumerate(times):
@@ -136,7 +136,7 @@ def _untimed(
     name: str,
     entered: Contours,
     order: UnitOrder,
-    rows: NDArray[np.int64],
+    rows: Ints,
     travels: Paths,
     toolpath: Toolpath,
 ) -> HeadActions:
@@ -169,9 +169,9 @@ def _untimed(
 
 def _paths(
     entered: Contours,
-    contour: NDArray[np.int32],
-    is_reversed: NDArray[np.bool_],
-    rows: NDArray[np.int64],
+    contour: Int32s,
+    is_reversed: Flags,
+    rows: Ints,
     travels: Paths,
 ) -> Paths:
     """Return the nozzle's path of each action: that of its contour, else its unit's travel."""

@@ -6,8 +6,8 @@ Figures only; how they are shown is the command line's business.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.print.job import PrintJob
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
@@ -20,7 +20,7 @@ def head_toolpath(actions: HeadActions) -> Toolpath:
     return Toolpath(actions.contour[printing], actions.reversed[printing], actions.entry[printing])
 
 
-def path_lengths(actions: HeadActions) -> NDArray[np.float64]:
+def path_lengths(actions: HeadActions) -> Floats:
     """Return the length of each action's path in mm, (k,)."""
     steps = np.linalg.norm(np.diff(actions.path, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])

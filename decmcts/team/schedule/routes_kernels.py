@@ -16,8 +16,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.compiled import kernel
 from decmcts.feasibility.clearance_kernels import Z_EPS, Centrelines, PackedHead, point_segment2
 from decmcts.team.engine.joint_kernels import UNIT_ASIDE, UNIT_PRINT
@@ -31,11 +31,11 @@ STACK = 512  # deep enough: at most 15 siblings stay open on each of the levels
 class HeightField(NamedTuple):
     """Highest printed z by XY cell, with its pyramid; `deposit` changes it in place."""
 
-    top: NDArray[np.float64]  # (all cells of all levels,) mm, EMPTY where nothing is
-    offsets: NDArray[np.int64]  # (n_levels,) first cell of each level, 0 is the finest
-    shape: NDArray[np.int64]  # (n_levels, 2) columns (x), rows (y)
-    origin: NDArray[np.float64]  # (2,) lower corner, mm
-    cell: NDArray[np.float64]  # (n_levels,) cell size, mm
+    top: Floats  # (all cells of all levels,) mm, EMPTY where nothing is
+    offsets: Ints  # (n_levels,) first cell of each level, 0 is the finest
+    shape: Ints  # (n_levels, 2) columns (x), rows (y)
+    origin: Floats  # (2,) lower corner, mm
+    cell: Floats  # (n_levels,) cell size, mm
 
 
 @kernel
@@ -82,9 +82,7 @@ def deposit_segment(
 
 
 @kernel
-def deposit(
-    field: HeightField, points: NDArray[np.float64], first: int, last: int, radius: float
-) -> None:
+def deposit(field: HeightField, points: Floats, first: int, last: int, radius: float) -> None:
     """Add the beads along points[first:last], widened by `radius`, in place."""
     for i in range(first, last - 1):
         z = max(points[i, 2], points[i + 1, 2])
@@ -101,7 +99,7 @@ def touches_sweep(
     row: int,
     head: PackedHead,
     k: int,
-    move: NDArray[np.float64],
+    move: Floats,
 ) -> bool:
     """Tell whether a cell touches polygon k swept along the move (x0, y0, x1, y1)."""
     cell = field.cell[level]
@@ -124,9 +122,7 @@ def touches_sweep(
 
 
 @kernel
-def beside_sweep(
-    x: float, y: float, cell: float, head: PackedHead, k: int, move: NDArray[np.float64]
-) -> bool:
+def beside_sweep(x: float, y: float, cell: float, head: PackedHead, k: int, move: Floats) -> bool:
     """Tell whether the move's own two long sides leave the cell within the sweep."""
     nx = move[1] - move[3]
     ny = move[2] - move[0]
@@ -145,7 +141,7 @@ def beside_sweep(
 @kernel
 def push_children(
     field: HeightField,
-    stack: NDArray[np.int64],
+    stack: Ints,
     size: int,
     level: int,
     column: int,
@@ -166,9 +162,9 @@ def highest_under(
     field: HeightField,
     head: PackedHead,
     k: int,
-    move: NDArray[np.float64],
+    move: Floats,
     floor: float,
-    stack: NDArray[np.int64],
+    stack: Ints,
 ) -> float:
     """Return the highest cell that polygon k sweeps, or `floor` if none is above it."""
     stack[0, 0] = len(field.cell) - 1
@@ -219,8 +215,8 @@ def travel_height_above(
 class Bends(NamedTuple):
     """Where travels bend, seen from above."""
 
-    points: NDArray[np.float64]  # (b, 2)
-    offsets: NDArray[np.int64]  # (m + 1,) of each unit; printing ones have none
+    points: Floats  # (b, 2)
+    offsets: Ints  # (m + 1,) of each unit; printing ones have none
 
 
 @kernel
@@ -238,14 +234,14 @@ def deposit_until(
 def travel_levels(
     r: int,
     units: UnitOrder,
-    starts: NDArray[np.float64],
-    goals: NDArray[np.float64],
+    starts: Floats,
+    goals: Floats,
     bends: Bends,
     beads: Centrelines,
     field: HeightField,
     head: PackedHead,
     lift_mm: float,
-    level: NDArray[np.float64],
+    level: Floats,
 ) -> None:
     """Write to `level` (m,) the z at which each travel of head r crosses.
 
@@ -274,9 +270,9 @@ def travel_levels(
 
 @kernel
 def crossing(
-    p: NDArray[np.float64],
-    q: NDArray[np.float64],
-    bends: NDArray[np.float64],
+    p: Floats,
+    q: Floats,
+    bends: Floats,
     stays_up: bool,
     field: HeightField,
     head: PackedHead,

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.motion import filament_time
@@ -26,8 +26,6 @@ from decmcts.print.signals import Signals, apart_s, places_of, signals_of
 from decmcts.print.stands import practice_of, primed_before, stands_of
 from decmcts.team.schedule.standing_kernels import times_with_stops
 from decmcts.team.schedule.timing import ActionTimes
-
-Floats = NDArray[np.float64]
 
 
 def with_stops(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.compiled import kernel
 
 UNKNOWN = -1.0
@@ -14,10 +14,10 @@ UNKNOWN = -1.0
 def begin_of(
     a: int,
     free: float,
-    offsets: NDArray[np.int64],
-    after: NDArray[np.int64],
-    passing: NDArray[np.float64],
-    begin: NDArray[np.float64],
+    offsets: Ints,
+    after: Ints,
+    passing: Floats,
+    begin: Floats,
 ) -> float:
     """When an action may begin that is `free` to from then on; UNKNOWN: not all is timed yet."""
     for e in range(offsets[a], offsets[a + 1]):
@@ -29,13 +29,13 @@ def begin_of(
 
 @kernel
 def times_with_stops(
-    first: NDArray[np.int64],
-    offsets: NDArray[np.int64],
-    after: NDArray[np.int64],
-    passing: NDArray[np.float64],
-    stops: NDArray[np.float64],
-    seconds: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    first: Ints,
+    offsets: Ints,
+    after: Ints,
+    passing: Floats,
+    stops: Floats,
+    seconds: Floats,
+) -> Floats:
     """When each action begins at the earliest, (n,); UNKNOWN where the waits have a cycle.
 
     Head h has the actions first[h] to first[h + 1] - 1. Action a waits for `after` (m,), its rows

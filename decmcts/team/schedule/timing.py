@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.loops import rotated
 from decmcts.print.machine import MotionLimits
@@ -23,11 +23,11 @@ from decmcts.team.schedule.timing_kernels import ContourSegments, Habit, write_m
 class ActionTimes:
     """How long the actions of a head take, and their moves."""
 
-    seconds: NDArray[np.float64]  # (k,)
-    passed: NDArray[np.float64]  # (moves + 1,) seconds from the first action's begin, without waits
-    first: NDArray[np.int64]  # (k,) first move of each action
+    seconds: Floats  # (k,)
+    passed: Floats  # (moves + 1,) seconds from the first action's begin, without waits
+    first: Ints  # (k,) first move of each action
 
-    def until(self, action: NDArray[np.int64], point: NDArray[np.int32]) -> NDArray[np.float64]:
+    def until(self, action: Ints, point: Int32s) -> Floats:
         """Return the seconds from the begins of prints until a vertex is passed, (j,)."""
         first = self.first[action]
         return np.asarray(self.passed[first + point] - self.passed[first])
@@ -40,11 +40,11 @@ class ActionTimes:
 def action_times(
     job: PrintJob,
     limits: MotionLimits,
-    path: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    contour: NDArray[np.int32],
-    is_reversed: NDArray[np.bool_],
-    entry: NDArray[np.int32],
+    path: Floats,
+    offsets: Ints,
+    contour: Int32s,
+    is_reversed: Flags,
+    entry: Int32s,
     *,
     rests: bool,
 ) -> ActionTimes:
@@ -84,7 +84,7 @@ def action_times(
     )
 
 
-def kinds_of(job: PrintJob, contour: NDArray[np.int32]) -> NDArray[np.int64]:
+def kinds_of(job: PrintJob, contour: Int32s) -> Ints:
     """Return for each action of a head which of `ProcessSettings.each` it is made with, (k,).
 
     A travel is made with the tool that prints next. `contour` (k,) is below 0 for travels.

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 EXTRA = 6  # moves a travel may need beside its path
@@ -19,10 +19,10 @@ EXTRA = 6  # moves a travel may need beside its path
 class ContourSegments(NamedTuple):
     """The contours' segments in their traversal, by the point each ends at."""
 
-    offsets: NDArray[np.int64]  # (n + 1,)
-    filament: NDArray[np.float64]  # (n_points,)
-    feed: NDArray[np.float64]  # (n_points,)
-    row: NDArray[np.int32]  # (n_points,) of the limits
+    offsets: Ints  # (n + 1,)
+    filament: Floats  # (n_points,)
+    feed: Floats  # (n_points,)
+    row: Int32s  # (n_points,) of the limits
 
 
 class Habit(NamedTuple):
@@ -42,12 +42,12 @@ class Habit(NamedTuple):
 class WrittenMoves(NamedTuple):
     """Moves being written; `used[0]` of them are."""
 
-    points: NDArray[np.float64]  # (m + 1, 3)
-    filament: NDArray[np.float64]  # (m,)
-    feed: NDArray[np.float64]  # (m,)
-    row: NDArray[np.int32]  # (m,)
-    action: NDArray[np.int64]  # (m,)
-    used: NDArray[np.int64]  # (1,)
+    points: Floats  # (m + 1, 3)
+    filament: Floats  # (m,)
+    feed: Floats  # (m,)
+    row: Int32s  # (m,)
+    action: Ints  # (m,)
+    used: Ints  # (1,)
 
 
 @kernel
@@ -71,7 +71,7 @@ def add_move(
 
 @kernel
 def add_print(
-    path: NDArray[np.float64], contour: int, is_reversed: bool, action: int,
+    path: Floats, contour: int, is_reversed: bool, action: int,
     segments: ContourSegments, moves: WrittenMoves,
 ) -> None:  # fmt: skip
     """Append the segments of a contour in its traversal (mutates moves)."""
@@ -97,7 +97,7 @@ def _back(moves: WrittenMoves) -> tuple[float, float]:
 
 @kernel
 def add_travel(
-    path: NDArray[np.float64],
+    path: Floats,
     retracts: bool,
     after_print: bool,
     action: int,
@@ -127,9 +127,8 @@ def add_travel(
 
 @kernel
 def write_moves(
-    path: NDArray[np.float64], offsets: NDArray[np.int64], contour: NDArray[np.int32],
-    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: ContourSegments,
-    habits: NDArray[np.float64], of: NDArray[np.int64],
+    path: Floats, offsets: Ints, contour: Int32s, is_reversed: Flags, retracts: Flags,
+    segments: ContourSegments, habits: Floats, of: Ints,
 ) -> WrittenMoves:  # fmt: skip
     """Return the moves of a head's actions; `contour` is -1 where an action prints nothing.
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.feasibility.packed_head import pack_contours, pack_head
 from decmcts.print.contours import Contours, joined
 from decmcts.print.detours import Detours
@@ -35,8 +35,8 @@ from decmcts.team.schedule.timing import kinds_of
 class Paths(NamedTuple):
     """Polylines, one behind the other."""
 
-    points: NDArray[np.float64]  # (offsets[-1], 3) mm
-    offsets: NDArray[np.int64]  # (m + 1,)
+    points: Floats  # (offsets[-1], 3) mm
+    offsets: Ints  # (m + 1,)
 
 
 def unit_travels(
@@ -80,10 +80,10 @@ def _hops(
     machine: Machine,
     order: UnitOrder,
     walls: Walls,
-    starts: NDArray[np.float64],
-    goals: NDArray[np.float64],
+    starts: Floats,
+    goals: Floats,
     bends: Bends,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return how high the source's own habit lifts retracted travels, as far as heads reach, (m,).
 
     Beads curl up, so a source that lifts over them has a reason.
@@ -102,7 +102,7 @@ def _hops(
     return np.where(far, lifted, ends)
 
 
-def _hop_of(job: PrintJob, order: UnitOrder) -> NDArray[np.float64]:
+def _hop_of(job: PrintJob, order: UnitOrder) -> Floats:
     """Return how far the source lifts each unit with the tool its head prints with next, (m,)."""
     each = np.array([settings.hop_mm for settings in job.settings.each()])
     hops = np.empty(len(order.head))
@@ -112,7 +112,7 @@ def _hop_of(job: PrintJob, order: UnitOrder) -> NDArray[np.float64]:
     return hops
 
 
-def _starts(order: UnitOrder, machine: Machine) -> NDArray[np.float64]:
+def _starts(order: UnitOrder, machine: Machine) -> Floats:
     """Return where the head stands before each unit, (m, 3)."""
     starts = np.empty_like(order.target)
     for r, head in enumerate(machine.heads):
@@ -122,12 +122,7 @@ def _starts(order: UnitOrder, machine: Machine) -> NDArray[np.float64]:
     return starts
 
 
-def _paths(
-    starts: NDArray[np.float64],
-    goals: NDArray[np.float64],
-    bends: Bends,
-    level: NDArray[np.float64],
-) -> Paths:
+def _paths(starts: Floats, goals: Floats, bends: Bends, level: Floats) -> Paths:
     """Return start, above start, bends, above goal, goal, without corners that do not move."""
     bent = np.diff(bends.offsets)
     unit = np.repeat(np.arange(len(starts)), 4 + bent)
@@ -149,7 +144,7 @@ def _paths(
     return Paths(corners[keep], np.concatenate([[0], np.cumsum(counts)]))
 
 
-def _of(bends: Bends, units: NDArray[np.int64]) -> Bends:
+def _of(bends: Bends, units: Ints) -> Bends:
     """Return the bends of some units."""
     counts = np.diff(bends.offsets)
     kept = np.repeat(np.isin(np.arange(len(counts)), units), counts)
@@ -157,12 +152,7 @@ def _of(bends: Bends, units: NDArray[np.int64]) -> Bends:
     return Bends(bends.points[kept], offsets)
 
 
-def _bends(
-    order: UnitOrder,
-    detours: Detours | None,
-    starts: NDArray[np.float64],
-    goals: NDArray[np.float64],
-) -> Bends:
+def _bends(order: UnitOrder, detours: Detours | None, starts: Floats, goals: Floats) -> Bends:
     """Return where travels from contour to contour bend to keep inside the part."""
     counts = np.zeros(len(order.head), np.int64)
     points = np.empty((0, 2))

@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.print.job import PrintJob
 from decmcts.print.lags_kernels import Lags
 from decmcts.print.machine import Machine
@@ -37,7 +37,7 @@ class _NewAction:
 
     kind: int
     action: int
-    path: NDArray[np.float64]
+    path: Floats
     seconds: float
 
 
@@ -64,7 +64,7 @@ def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> J
 
 def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list[_NewAction]:
     ended = np.zeros(len(job.contours))
-    at_rest: NDArray[np.float64] | None = None  # found where there is a wait
+    at_rest: Floats | None = None  # found where there is a wait
     rows: list[_NewAction] = []
     now = 0.0
     travels: list[_NewAction] = []  # to the next contour, not yet begun
@@ -93,7 +93,7 @@ def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list
     return rows + travels
 
 
-def _seconds_at_rest(job: PrintJob, machine: Machine, old: HeadActions) -> NDArray[np.float64]:
+def _seconds_at_rest(job: PrintJob, machine: Machine, old: HeadActions) -> Floats:
     """Return how long each action takes from rest to rest, (k,)."""
     head = machine.head(old.head)
     times = action_times(
@@ -103,7 +103,7 @@ def _seconds_at_rest(job: PrintJob, machine: Machine, old: HeadActions) -> NDArr
     return times.slowed(head.pace).seconds
 
 
-def _stop(row: _NewAction, at_rest: NDArray[np.float64]) -> float:
+def _stop(row: _NewAction, at_rest: Floats) -> float:
     """Let a bead begin and end at rest; returns how much longer it takes (mutates row)."""
     longer = max(0.0, float(at_rest[row.action]) - row.seconds)
     row.seconds += longer
@@ -183,9 +183,9 @@ def with_rests(plan: JointPlan, order: UnitOrder, rests: Rests) -> JointPlan:
 
 def _rested(
     head: HeadActions,
-    resting: NDArray[np.bool_],
-    begin: NDArray[np.float64],
-    seconds: NDArray[np.float64],
+    resting: Flags,
+    begin: Floats,
+    seconds: Floats,
     edges: list[tuple[int, int, int, int]],
 ) -> HeadActions:
     """Return the actions of one head with a wait before each of those that rest.

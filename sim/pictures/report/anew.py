@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from decmcts.arrays import Flags, Ints
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
 from decmcts.print.print_events import EventLog
 from decmcts.print.print_state import happened
-from sim.arrays import Flags, Ints
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.toolpaths import times_of
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.arrays import Floats, Ints
+from decmcts.arrays import Floats, Ints
 
 STEP_MM = 0.01  # of places in the page
 STEP_S = 0.001

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.heads.head_dict import head_to_dict
@@ -18,7 +19,6 @@ from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.team.schedule.metrics import path_lengths
 from decmcts.version import __version__
-from sim.arrays import Floats, Ints
 from sim.content.over_walls import crossed_by
 from sim.pictures.layer_travels import (
     both_ends,

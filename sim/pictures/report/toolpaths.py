@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.print.contours import Contours, Role
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.arrays import Flags, Floats, Ints
 from sim.pictures.report.blobs import STEP_MM, STEP_S, Blobs
 
 MOST_POINTS = 1_000_000  # of contours; with more, points that lie nearly on a line are left out

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from decmcts.arrays import Floats
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
-from sim.arrays import Floats
 
 SHORT_S = 0.05  # a shorter pause is no wait
 COOLING_S = 0.5  # a lag of so much is there for plastic to cool; signals take less

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Ints
 from decmcts.formats.gcode.controller.limits import (
     FirmwareRetraction,
     parameters,
@@ -45,8 +45,8 @@ class FileTime:
     motion_s: float
     dwell_s: float  # G4
     change_s: float  # tool changes, as the file's settings state them
-    seconds: NDArray[np.float64]  # (m,) of each move, firmware retractions counted in
-    line: NDArray[np.int64]  # (m,) source line of each move, from 1
+    seconds: Floats  # (m,) of each move, firmware retractions counted in
+    line: Ints  # (m,) source line of each move, from 1
     print_s: float = 0.0  # of it, from where the first bead begins until the last one ends
     retractions: int = 0  # however many moves each takes
     over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
@@ -112,9 +112,7 @@ def text_time(
     )  # fmt: skip
 
 
-def _print_seconds(
-    lines: Lines, program: Program, seconds: NDArray[np.float64], line: NDArray[np.int64]
-) -> float:
+def _print_seconds(lines: Lines, program: Program, seconds: Floats, line: Ints) -> float:
     """Return the seconds from the first bead to the last, dwells between them included.
 
     A part of the same sum as the whole file's time, so it is never longer.
@@ -129,7 +127,7 @@ def _print_seconds(
     return moving + sum(dwell_seconds(lines, n) for n in inside.tolist())
 
 
-def _beads(program: Program) -> NDArray[np.int64]:
+def _beads(program: Program) -> Ints:
     """Return the moves that lay beads, dots and vertical beads too.
 
     A push on the spot or straight up lays what goes beyond the filament that was pulled. Before
@@ -167,8 +165,8 @@ def travel_over(program: Program, walls: Walls) -> float:
 
 
 def file_program(
-    lines: Lines, motion: Motion, track: Track, limits: NDArray[np.float64]
-) -> tuple[Program, NDArray[np.int64]]:
+    lines: Lines, motion: Motion, track: Track, limits: Floats
+) -> tuple[Program, Ints]:
     """Return all moves of a file, and the source line (from 1) of each.
 
     `limits` are in force in each machine state, (n_states, N_LIMITS).

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.document import StateTable
 from decmcts.formats.slicers.known import every
@@ -89,7 +89,7 @@ def state_limits(
     stated: MotionLimits | None = None,
     *,
     own: bool = True,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the row of limits in force in each machine state, (n_states, N_LIMITS).
 
     Parameters
@@ -130,7 +130,7 @@ def travel_kinds(states: StateTable) -> tuple[list[int], dict[tuple[int, ...], i
     return slots, dict(zip(map(tuple, states.rows[:, slots].tolist()), kinds, strict=True))
 
 
-def commanded(states: StateTable, column: int, stated: MotionLimits) -> NDArray[np.float64]:
+def commanded(states: StateTable, column: int, stated: MotionLimits) -> Floats:
     """Return what commands set one column of the limits to in each state, NaN: nothing, (n,)."""
     return np.asarray(state_limits(states, MotionLimits.unstated(), stated)[:, column])
 
@@ -180,14 +180,14 @@ def setting(text: bytes, name: bytes) -> float:
         return 0.0
 
 
-def _set(row: NDArray[np.float64], column: int, value: float, least: float = 1e-6) -> None:
+def _set(row: Floats, column: int, value: float, least: float = 1e-6) -> None:
     """Write a limit in place unless it makes no sense."""
     if value >= least:
         row[column] = value
 
 
 def _set_axes(
-    row: NDArray[np.float64], first: int, given: Mapping[str, float], *, least: float = 1e-6,
+    row: Floats, first: int, given: Mapping[str, float], *, least: float = 1e-6,
     divisor: float = 1.0,
 ) -> None:  # fmt: skip
     """Write the limits of x, y, z and e in place, from column `first` on."""
@@ -195,16 +195,16 @@ def _set_axes(
         _set(row, first + axis, given.get(letter, -1.0) / divisor, least)
 
 
-def _axis_feed(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
+def _axis_feed(row: Floats, given: Mapping[str, float]) -> None:
     minutes = max(given.get("X", 0.0), given.get("Y", 0.0)) > FASTEST
     _set_axes(row, FEED, given, divisor=60.0 if minutes else 1.0)
 
 
-def _axis_acceleration(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
+def _axis_acceleration(row: Floats, given: Mapping[str, float]) -> None:
     _set_axes(row, ACCELERATION, given)
 
 
-def _acceleration(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
+def _acceleration(row: Floats, given: Mapping[str, float]) -> None:
     """M204: P printing, R retracting, T travel; S is P and T at once, and then T retracting."""
     legacy = "S" in given
     _set(row, PRINTING, given.get("P", given.get("S", -1.0)))
@@ -212,16 +212,16 @@ def _acceleration(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
     _set(row, RETRACTING, given.get("T", -1.0) if legacy else given.get("R", -1.0))
 
 
-def _jerk(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
+def _jerk(row: Floats, given: Mapping[str, float]) -> None:
     _set_axes(row, JERK, {"Y": given.get("X", -1.0), **given}, least=0.0)
     _set(row, DEVIATION, given.get("J", -1.0), 0.0)
 
 
-def _jerk_per_minute(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
+def _jerk_per_minute(row: Floats, given: Mapping[str, float]) -> None:
     _jerk(row, {axis: given[axis] / 60.0 for axis in _AXES if axis in given})
 
 
-def _velocity_limit(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
+def _velocity_limit(row: Floats, given: Mapping[str, float]) -> None:
     for column in (PRINTING, TRAVELLING):
         _set(row, column, given.get("ACCEL", -1.0))
     for axis in (0, 1):
@@ -231,7 +231,7 @@ def _velocity_limit(row: NDArray[np.float64], given: Mapping[str, float]) -> Non
         row[DEVIATION] = corner**2 * _CORNER / row[PRINTING]
 
 
-def _speed_factor(row: NDArray[np.float64], given: Mapping[str, float]) -> None:
+def _speed_factor(row: Floats, given: Mapping[str, float]) -> None:
     _set(row, FACTOR, given.get("S", -1.0) / 100.0)
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
 from decmcts.formats.gcode.controller import moves_kernels as kernels
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN, classify, without_brackets
@@ -46,25 +47,25 @@ _SYSTEM = re.compile(rb"P\s*0*(\d+|[^\s\d])", re.I)
 class Motion:
     """Moves and the controller's state after each line."""
 
-    points: NDArray[np.float64]  # (m + 1, 3)
-    extrusion: NDArray[np.float64]  # (m,) filament, mm
-    feed: NDArray[np.float64]  # (m,) mm/s
-    line: NDArray[np.int64]  # (m,) index of the source line, from 0
-    before: NDArray[np.int64]  # (n_lines + 1,) moves above each line
+    points: Floats  # (m + 1, 3)
+    extrusion: Floats  # (m,) filament, mm
+    feed: Floats  # (m,) mm/s
+    line: Ints  # (m,) index of the source line, from 0
+    before: Ints  # (n_lines + 1,) moves above each line
     modes: NDArray[np.int16]  # (n_lines, N_MODES) after each line
-    extruder: NDArray[np.float64]  # (n_lines, 3) E value, retraction owed, E cross-section
-    placed: NDArray[np.bool_]  # (n_lines,) G92 or G28 set an axis here
+    extruder: Floats  # (n_lines, 3) E value, retraction owed, E cross-section
+    placed: Flags  # (n_lines,) G92 or G28 set an axis here
     decimals: tuple[int, int, int]  # xy, e and feed as the source writes them
-    arc: NDArray[np.int32]  # (m,) number in `arcs` of the arc a move is a chord of, or NO_ARC
+    arc: Int32s  # (m,) number in `arcs` of the arc a move is a chord of, or NO_ARC
     arcs: Arcs
 
     @property
-    def tool(self) -> NDArray[np.int64]:
+    def tool(self) -> Ints:
         """The tool in use at each move, (m,)."""
         return np.asarray(self.modes[self.line, kernels.TOOL], np.int64)
 
     @property
-    def withdrawn(self) -> NDArray[np.bool_]:
+    def withdrawn(self) -> Flags:
         """Whether the firmware has retracted before each move, (m,)."""
         above = np.maximum(self.line - 1, 0)
         return np.asarray(self.modes[above, kernels.FIRMWARE_RETRACTED] > 0)
@@ -130,7 +131,7 @@ def _refuse_far(lines: Lines, motion: Motion) -> None:
             raise lines.refuse(int(motion.line[np.argmax(wrong)]), what)
 
 
-def _open_arcs(lines: Lines, motion: Motion, curved: NDArray[np.int64]) -> Motion:
+def _open_arcs(lines: Lines, motion: Motion, curved: Ints) -> Motion:
     """Return the motion with chords in the place of the moves `curved`."""
     starts, ends = motion.points[:-1], motion.points[1:]
     circles = np.zeros((len(ends), kernels.N_CIRCLE))
@@ -160,7 +161,7 @@ def _open_arcs(lines: Lines, motion: Motion, curved: NDArray[np.int64]) -> Motio
     )
 
 
-def _arcs(lines: Lines, line: NDArray[np.int64], circles: NDArray[np.float64]) -> Arcs:
+def _arcs(lines: Lines, line: Ints, circles: Floats) -> Arcs:
     """Return the table of the arcs on these lines."""
     words = lines.values[line][:, [scan.OFFSET_I, scan.OFFSET_J, scan.R]]
     most = MOST_DECIMALS
@@ -220,7 +221,7 @@ def _refuse_frames(lines: Lines) -> None:
                 raise lines.refuse(line, f"{what} cannot be planned", "export in mm, absolute")
 
 
-def _first_behind(rows: NDArray[np.int64], line: int, end: int) -> int:
+def _first_behind(rows: Ints, line: int, end: int) -> int:
     at = int(np.searchsorted(rows, line, side="right"))
     return int(rows[at]) if at < len(rows) else end
 

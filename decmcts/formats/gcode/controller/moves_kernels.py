@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.compiled import kernel
 from decmcts.formats.gcode.text.scan_kernels import OFFSET_I, OFFSET_J, D, E, F, P, R, S, X, Z
 
@@ -32,9 +33,7 @@ N_CIRCLE = 7
 
 
 @kernel
-def arc_center(
-    x0: float, y0: float, x1: float, y1: float, values: NDArray[np.float64], clockwise: bool
-) -> Any:
+def arc_center(x0: float, y0: float, x1: float, y1: float, values: Floats, clockwise: bool) -> Any:
     """Return the centre of an arc in I/J or R form; NaN when there is none."""
     if math.isnan(values[R]):
         i = 0.0 if math.isnan(values[OFFSET_I]) else values[OFFSET_I]
@@ -68,7 +67,7 @@ def circle_chords(radius: float, tolerance: float) -> int:
 
 
 @kernel
-def inner_vertices(circle: NDArray[np.float64]) -> tuple[int, int]:
+def inner_vertices(circle: Floats) -> tuple[int, int]:
     """Return the numbers of the first and the last vertex within an arc; first > last for none."""
     step = 2.0 * math.pi / circle[STEPS]
     if circle[END] - circle[BEGIN] <= step:
@@ -80,14 +79,14 @@ def inner_vertices(circle: NDArray[np.float64]) -> tuple[int, int]:
 
 @kernel
 def plan_arcs(
-    before: NDArray[np.float64],
-    end: NDArray[np.float64],
-    line: NDArray[np.int64],
-    code: NDArray[np.int32],
-    values: NDArray[np.float64],
+    before: Floats,
+    end: Floats,
+    line: Ints,
+    code: Int32s,
+    values: Floats,
     tolerance: float,
-    circles: NDArray[np.float64],
-) -> NDArray[np.int64]:
+    circles: Floats,
+) -> Ints:
     """Return the chords of each move, 0 where no circle fits; write its circle in place.
 
     A row of `circles` is of the arc run counter-clockwise: centre, angles and radii where it
@@ -121,7 +120,7 @@ def plan_arcs(
 
 
 @kernel
-def can_be_parted(circles: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
+def can_be_parted(circles: Floats, tolerance: float) -> Flags:
     """Tell which arcs have the same vertices in each part that is cut at one, (n,).
 
     The ends of a part are rounded, so its radius is a little more or less: it must not be one at
@@ -145,15 +144,15 @@ def _on_vertex(angle: float, radius: float, step: float) -> float:
 
 @kernel
 def open_arcs(
-    before: NDArray[np.float64],
-    end: NDArray[np.float64],
-    pushed: NDArray[np.float64],
-    clockwise: NDArray[np.bool_],
-    circles: NDArray[np.float64],
-    count: NDArray[np.int64],
+    before: Floats,
+    end: Floats,
+    pushed: Floats,
+    clockwise: Flags,
+    circles: Floats,
+    count: Ints,
     grid: float,
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
+    points: Floats,
+    extrusion: Floats,
 ) -> None:
     """Fill the end and the filament of every chord, in place.
 
@@ -174,14 +173,14 @@ def open_arcs(
 
 @kernel
 def _open_arc(
-    before: NDArray[np.float64],
-    end: NDArray[np.float64],
+    before: Floats,
+    end: Floats,
     pushed: float,
     clockwise: bool,
-    circle: NDArray[np.float64],
+    circle: Floats,
     grid: float,
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
+    points: Floats,
+    extrusion: Floats,
 ) -> None:
     """Fill the end and the filament of the chords of one arc, in place."""
     n, step = len(points), 2.0 * math.pi / circle[STEPS]
@@ -214,7 +213,7 @@ LAST_TOOL = 254  # T255, T1000 and T1100 choose no tool of Bambu's printers, nor
 
 
 @kernel
-def _is_retraction(values: NDArray[np.float64]) -> bool:
+def _is_retraction(values: Floats) -> bool:
     """Tell whether a G10 or G11 retracts: with words it heats a tool, or sets an offset."""
     for column in (S, R, P):
         if not math.isnan(values[column]):
@@ -226,7 +225,7 @@ def _is_retraction(values: NDArray[np.float64]) -> bool:
 
 
 @kernel
-def _modal(letter: int, code: int, values: NDArray[np.float64], modes: NDArray[np.int16]) -> float:
+def _modal(letter: int, code: int, values: Floats, modes: NDArray[np.int16]) -> float:
     """Apply a command that is no move to `modes` in place; return a new E area or -1."""
     if letter == 71:
         if code == 900 or code == 910:
@@ -245,7 +244,7 @@ def _modal(letter: int, code: int, values: NDArray[np.float64], modes: NDArray[n
 
 
 @kernel
-def _place(code: int, values: NDArray[np.float64], position: NDArray[np.float64]) -> bool:
+def _place(code: int, values: Floats, position: Floats) -> bool:
     """Apply G92 or G28 to `position` (x, y, z, e) in place; tell whether an axis moved."""
     any_axis, moved = False, False
     for axis in range(4):
@@ -262,12 +261,7 @@ def _place(code: int, values: NDArray[np.float64], position: NDArray[np.float64]
 
 
 @kernel
-def _step(
-    values: NDArray[np.float64],
-    modes: NDArray[np.int16],
-    position: NDArray[np.float64],
-    area: float,
-) -> float:
+def _step(values: Floats, modes: NDArray[np.int16], position: Floats, area: float) -> float:
     """Move `position` in place; return the filament pushed, mm."""
     for axis in range(3):
         if not math.isnan(values[axis]):
@@ -289,13 +283,13 @@ def _step(
 @kernel
 def interpret(
     letter: NDArray[np.uint8],
-    code: NDArray[np.int32],
-    values: NDArray[np.float64],
+    code: Int32s,
+    values: Floats,
     modes: NDArray[np.int16],
-    extruder: NDArray[np.float64],
-    moves: NDArray[np.float64],
-    line: NDArray[np.int64],
-    placed: NDArray[np.bool_],
+    extruder: Floats,
+    moves: Floats,
+    line: Ints,
+    placed: Flags,
     relative_e: bool,
 ) -> None:
     """Fill the moves and the state after each line, all in place.

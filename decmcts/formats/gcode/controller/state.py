@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s, Ints
 from decmcts.formats.gcode.controller.held import Targets, WordsInForce, target_of
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import LAST_TOOL, RELATIVE_E, RELATIVE_XYZ
@@ -47,26 +47,26 @@ class Track:
     """State changes and barriers by line."""
 
     table: StateTable
-    lines: NDArray[np.int64]  # (k,) lines after which a state holds, ascending, first -1
-    states: NDArray[np.int32]  # (k,) the state that holds from there
-    layer_lines: NDArray[np.int64]  # lines that begin a layer
+    lines: Ints  # (k,) lines after which a state holds, ascending, first -1
+    states: Int32s  # (k,) the state that holds from there
+    layer_lines: Ints  # lines that begin a layer
     barriers: dict[int, str]  # line -> reason
-    splits: NDArray[np.int64]  # lines that part contours and nothing else
-    sections: NDArray[np.int64]  # (s, 2) first and last line of a slicer's tool change
-    repeats: NDArray[np.int64]  # lines that set a temperature that is in force, and do nothing
-    idle: NDArray[np.int64]  # commands that end an object where none is open, and do nothing
+    splits: Ints  # lines that part contours and nothing else
+    sections: Ints  # (s, 2) first and last line of a slicer's tool change
+    repeats: Ints  # lines that set a temperature that is in force, and do nothing
+    idle: Ints  # commands that end an object where none is open, and do nothing
     left: frozenset[int]  # values of another tool: of the one in use nothing was said since
 
-    def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
+    def at(self, line: Ints | int) -> Int32s:
         """Return the state in force when a line begins."""
         return np.asarray(self.states[np.searchsorted(self.lines, line, side="left") - 1])
 
-    def stops(self, reasons: Collection[str] | None = None) -> NDArray[np.int64]:
+    def stops(self, reasons: Collection[str] | None = None) -> Ints:
         """Return the lines of all barriers, or of those for some reasons, ascending."""
         due = [k for k, reason in self.barriers.items() if reasons is None or reason in reasons]
         return np.array(sorted(due), np.int64)
 
-    def in_section(self, line: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def in_section(self, line: Ints) -> Flags:
         """Tell which lines stand in a slicer's tool change."""
         k = np.searchsorted(self.sections[:, 0], line) - 1  # -1: above the first
         return np.asarray(line < np.append(self.sections[:, 1], 0)[k])

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import role_of
@@ -32,12 +33,12 @@ _NUMBER = re.compile(r"[-+]?(?:\d++(?:\.\d++)?|\.\d++)")
 class MeasuredBeads:
     """One value per contour, and per segment where it varies."""
 
-    width: NDArray[np.float64]  # (n,)
-    height: NDArray[np.float64]  # (n,)
+    width: Floats  # (n,)
+    height: Floats  # (n,)
     role: NDArray[np.int8]  # (n,)
-    layer: NDArray[np.int32]  # (n,)
-    move_width: NDArray[np.float64]  # (k,) of the extruding moves, in order
-    move_height: NDArray[np.float64]  # (k,)
+    layer: Int32s  # (n,)
+    move_width: Floats  # (k,) of the extruding moves, in order
+    move_height: Floats  # (k,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +56,11 @@ class Parsed:
 class _MoveShapes:
     """How the extruding moves run, (k,), and their contours, (n,)."""
 
-    pushed: NDArray[np.float64]  # (k,) mm of filament; upright and on the spot what stays there
-    length: NDArray[np.float64]  # (k,) mm
-    across: NDArray[np.bool_]  # (k,) moves across the bed
-    flat: NDArray[np.bool_]  # (n,) has moves across the bed: no dot, no pillar
-    level: NDArray[np.float64]  # (n,) z of its highest bead across the bed, else its lowest z
+    pushed: Floats  # (k,) mm of filament; upright and on the spot what stays there
+    length: Floats  # (k,) mm
+    across: Flags  # (k,) moves across the bed
+    flat: Flags  # (n,) has moves across the bed: no dot, no pillar
+    level: Floats  # (n,) z of its highest bead across the bed, else its lowest z
 
 
 def measure_beads(motion: Motion, track: Track, runs: Runs, filament_mm: float) -> MeasuredBeads:
@@ -87,7 +88,7 @@ def measure_beads(motion: Motion, track: Track, runs: Runs, filament_mm: float) 
     )  # fmt: skip
 
 
-def _stated(table: StateTable, slot: str) -> NDArray[np.float64]:
+def _stated(table: StateTable, slot: str) -> Floats:
     """Return the number each state gives for a slot; NaN where it gives none."""
     numbers = np.full(len(table.values), np.nan)
     column = table.column(slot)
@@ -99,7 +100,7 @@ def _stated(table: StateTable, slot: str) -> NDArray[np.float64]:
     return numbers[column]
 
 
-def _steps(level: NDArray[np.float64], flat: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _steps(level: Floats, flat: Flags) -> Floats:
     """Return the distance of each contour's level to the next one below it, of `flat` ones."""
     level = np.round(level, 4)
     levels = np.unique(level[flat] if flat.any() else level)
@@ -110,9 +111,7 @@ def _steps(level: NDArray[np.float64], flat: NDArray[np.bool_]) -> NDArray[np.fl
     return np.where((own < HEIGHT_LIMITS_MM[0]) | (own > HEIGHT_LIMITS_MM[1]), middle, own)
 
 
-def _shape_of(
-    motion: Motion, runs: Runs, moves: NDArray[np.int64], offsets: NDArray[np.int64]
-) -> _MoveShapes:
+def _shape_of(motion: Motion, runs: Runs, moves: Ints, offsets: Ints) -> _MoveShapes:
     delta = np.diff(motion.points, axis=0)[moves]
     across = np.hypot(delta[:, 0], delta[:, 1]) > MOVED
     z = motion.points[moves + 1, 2]
@@ -125,9 +124,7 @@ def _shape_of(
     return _MoveShapes(pushed, length, across, flat, np.where(flat, highest, lowest))
 
 
-def _mean_width(
-    shape: _MoveShapes, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _mean_width(shape: _MoveShapes, height: Floats, filament_mm: float, ids: Ints) -> Floats:
     """Return the mean width of each contour across the bed from its filament, (n,)."""
     n, area = len(shape.flat), np.pi * filament_mm**2 / 4.0
     volume = np.bincount(ids, np.where(shape.across, shape.pushed, 0.0), n) * area
@@ -139,9 +136,7 @@ def _mean_width(
     return np.where(sound, width, usual)
 
 
-def _round_width(
-    shape: _MoveShapes, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _round_width(shape: _MoveShapes, height: Floats, filament_mm: float, ids: Ints) -> Floats:
     """Return the diameter of contours that go nowhere across the bed, (n,).
 
     Their filament is a cylinder, from a bead's height below the lowest point up to the
@@ -155,9 +150,7 @@ def _round_width(
     return np.clip(width, WIDTH_LIMITS_MM[0], WIDEST_DOT_MM)
 
 
-def _layers(
-    motion: Motion, track: Track, runs: Runs, level: NDArray[np.float64]
-) -> NDArray[np.int32]:
+def _layers(motion: Motion, track: Track, runs: Runs, level: Floats) -> Int32s:
     """Return the layer of each contour: markers above it, else its level."""
     if len(track.layer_lines):
         above = np.searchsorted(track.layer_lines, motion.line[runs.first])

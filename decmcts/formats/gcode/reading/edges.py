@@ -9,8 +9,8 @@ look like its purge.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Int32s, Ints
 from decmcts.formats.gcode.controller.held import WordKey, keys_of
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
@@ -21,11 +21,8 @@ from decmcts.formats.gcode.reading.grouping import DOT_MM, REFILLS, RESTART_MM, 
 DOWN_MM = 1e-3  # heights nearer than that are one
 _WHOLE: WordKey = ("", "")  # what a command sets that is said whole
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
-
-def state_edges(parsed: Parsed) -> tuple[Bools, Bools]:
+def state_edges(parsed: Parsed) -> tuple[Flags, Flags]:
     """Return the contours an epoch begins at, and those that set something first, (n,) bool.
 
     The latter run one way only: reversed, what holds behind the command would hold
@@ -72,7 +69,7 @@ def _is_primed(parsed: Parsed) -> bool:
     return bool((still & (surplus > DOT_MM) & ~restarts).any())
 
 
-def _mark_dots(edge: Bools, parsed: Parsed) -> None:
+def _mark_dots(edge: Flags, parsed: Parsed) -> None:
     """Mark in place the first dot between two tool changes, and what follows the last."""
     motion, runs, track = parsed.motion, parsed.runs, parsed.track
     refills = track.stops(REFILLS)
@@ -90,7 +87,7 @@ def _mark_dots(edge: Bools, parsed: Parsed) -> None:
     edge[behind[behind < len(runs)]] = True
 
 
-def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
+def _growth(track: Track, used: Int32s) -> tuple[Ints, Flags]:
     """Return what each used value sets, (n_values,) numbers, and which sets more than which.
 
     The latter by number, [from, to]: nothing can be set back from what sets more. What another
@@ -107,7 +104,7 @@ def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
     return sets, np.array(grows, np.bool_)
 
 
-def _mark_first_layer(edge: Bools, parsed: Parsed) -> None:
+def _mark_first_layer(edge: Flags, parsed: Parsed) -> None:
     """Mark in place where the second layer begins, if cooling is another there.
 
     Not where the print comes down again to the first, for the next of several parts, nor where the

@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.formats.gcode.controller.limits import travel_kinds
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
@@ -32,24 +32,21 @@ DEPOSIT_MM = 0.2  # filament left in a gap beyond the habit: a blob, not a retra
 SETTLED_MM = 0.01  # of filament; a gap whose net is less has pushed back what it pulled
 PULLED = 0.01  # mm of filament that counts as a retraction
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
 
 @dataclass(frozen=True, slots=True)
 class Gaps:
     """What lies between contours k and k + 1, each (n - 1,)."""
 
-    begin: NDArray[np.int64]  # its first move,
-    end: NDArray[np.int64]  # and the move behind its last
-    tool: NDArray[np.int64]  # in use where the gap ends
-    changes: Bools  # another tool was in use where it begins
+    begin: Ints  # its first move,
+    end: Ints  # and the move behind its last
+    tool: Ints  # in use where the gap ends
+    changes: Flags  # another tool was in use where it begins
     net: Floats  # pushed less pulled, mm, by all tools
     depth: Floats  # most that is pulled and not pushed back within it, mm
-    firmware: Bools  # the firmware retracts in it
+    firmware: Flags  # the firmware retracts in it
 
     @property
-    def pulled(self) -> Bools:
+    def pulled(self) -> Flags:
         """Whether the source retracts there."""
         return np.asarray(self.firmware | (self.depth > PULLED))
 
@@ -72,7 +69,7 @@ def gaps_of(parsed: Parsed) -> Gaps:
     )  # fmt: skip
 
 
-def deposits(motion: Motion, gaps: Gaps) -> Bools:
+def deposits(motion: Motion, gaps: Gaps) -> Flags:
     """Tell which gaps leave filament that no contour has, (n - 1,).
 
     Beyond what the tool usually leaves, be it nothing, or what a restart distance adds. In
@@ -91,7 +88,7 @@ def deposits(motion: Motion, gaps: Gaps) -> Bools:
     return np.asarray(found)
 
 
-def _left_by_changes(motion: Motion, gaps: Gaps) -> Bools:
+def _left_by_changes(motion: Motion, gaps: Gaps) -> Flags:
     """Tell which of the gaps with a change of tools leave filament, in their order."""
     held: dict[int, float] = {}  # net of each tool since its last contour
     found, tools = [], motion.tool
@@ -105,7 +102,7 @@ def _left_by_changes(motion: Motion, gaps: Gaps) -> Bools:
     return np.array(found, np.bool_)
 
 
-def unsettled(gaps: Gaps, unknown: Bools) -> Bools:
+def unsettled(gaps: Gaps, unknown: Flags) -> Flags:
     """Tell which gaps leave to a macro what they pull or push, (n - 1,).
 
     Of `unknown` ones, (n - 1,), it is not known what a line in them does to the filament.
@@ -133,7 +130,7 @@ def net_behind(parsed: Parsed, line: int) -> float:
     return float(motion.extrusion[move:until].sum())
 
 
-def due_at_begins(gaps: Gaps, parted: Bools) -> Floats:
+def due_at_begins(gaps: Gaps, parted: Flags) -> Floats:
     """Return what the source leaves pulled where each contour begins, (n,) mm.
 
     Below 0 where it has pushed more than it pulled. What lies around the lines of a block
@@ -147,7 +144,7 @@ def due_at_begins(gaps: Gaps, parted: Bools) -> Floats:
     return due
 
 
-def travel_states(parsed: Parsed) -> NDArray[np.int32]:
+def travel_states(parsed: Parsed) -> Int32s:
     """Return the state in which the source travels to beads of each state, -1: unknown.
 
     It is that in which it travels furthest to beads of the state; where none is travelled to, that
@@ -179,10 +176,10 @@ class Blocks:
 
     blocks: tuple[Block, ...]
     barriers: tuple[Barrier, ...]
-    epoch: NDArray[np.int32]  # (n,)
-    tied: NDArray[np.bool_]  # (n,) part of a verbatim sequence, may not be reversed
-    held: NDArray[np.bool_]  # (n,) what is pushed or pulled above belongs to it: it stays first
-    parted: NDArray[np.bool_]  # (n,) a block stands before it
+    epoch: Int32s  # (n,)
+    tied: Flags  # (n,) part of a verbatim sequence, may not be reversed
+    held: Flags  # (n,) what is pushed or pulled above belongs to it: it stays first
+    parted: Flags  # (n,) a block stands before it
 
 
 def cursor_at(parsed: Parsed, line: int, *, owed: float) -> Cursor:
@@ -200,9 +197,7 @@ def cursor_at(parsed: Parsed, line: int, *, owed: float) -> Cursor:
     )  # fmt: skip
 
 
-def find_blocks(
-    parsed: Parsed, gaps: Gaps, *, edges: NDArray[np.bool_], towers: NDArray[np.bool_]
-) -> Blocks:
+def find_blocks(parsed: Parsed, gaps: Gaps, *, edges: Flags, towers: Flags) -> Blocks:
     """Return the blocks of a print.
 
     Parameters

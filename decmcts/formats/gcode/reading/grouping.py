@@ -14,8 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.moves_kernels import RELATIVE_XYZ
@@ -32,9 +32,6 @@ FEW_DOTS = 2  # places with dots before the first bead; at fewer the nozzle is p
 REFILLS = frozenset({"tool change", "filament change", "pause"})
 _NOT_PRINTED = (Role.WIPE_TOWER, Role.CUSTOM)
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 PURGE_MOVES = 20  # a start G-code extrudes no more often before its last set-up command
 _SETUP_M = (820, 830, 1090, 1900)
 _SETUP_G = (280, 290, 900, 210)
@@ -71,7 +68,7 @@ def with_dots_apart(motion: Motion) -> Motion:
     )  # fmt: skip
 
 
-def laying_moves(motion: Motion, track: Track, surplus: Floats, parts: Ints, first: int) -> Bools:
+def laying_moves(motion: Motion, track: Track, surplus: Floats, parts: Ints, first: int) -> Flags:
     """Tell which moves lay down material, (m,); linear in their number.
 
     Parameters
@@ -101,7 +98,7 @@ def laying_moves(motion: Motion, track: Track, surplus: Floats, parts: Ints, fir
     return np.asarray(bead | (given & _printed(motion, track, given, bead | rises)))
 
 
-def _next_is_bead(bead: Bools, turns: Bools, parts: Ints) -> Bools:
+def _next_is_bead(bead: Flags, turns: Flags, parts: Ints) -> Flags:
     """Tell behind which moves the next one that turns to something else is a bead, (m,)."""
     m = len(bead)
     rows = np.where(turns, np.arange(m), m)
@@ -110,7 +107,7 @@ def _next_is_bead(bead: Bools, turns: Bools, parts: Ints) -> Bools:
     return np.asarray((following < m) & bead[found] & (parts[found] == parts))
 
 
-def _printed(motion: Motion, track: Track, given: Bools, sure: Bools) -> Bools:
+def _printed(motion: Motion, track: Track, given: Flags, sure: Flags) -> Flags:
     """Tell where a dot or vertical bead belongs to the print, (m,).
 
     Not in tool changes, between barriers or in end code: there the source's lines stand word
@@ -133,7 +130,7 @@ def _printed(motion: Motion, track: Track, given: Bools, sure: Bools) -> Bools:
     return np.asarray((amid | leading | ends) & _by_slicer(motion, track))
 
 
-def _by_slicer(motion: Motion, track: Track) -> Bools:
+def _by_slicer(motion: Motion, track: Track) -> Flags:
     """Tell which moves stand neither in a tool change, nor in custom G-code, nor in G91, (m,)."""
     table, line = track.table, motion.line
     roles = np.array([role_of(v) for v in table.values], np.int64)
@@ -146,9 +143,9 @@ def _by_slicer(motion: Motion, track: Track) -> Bools:
 class Runs:
     """The contours of a file as runs of moves."""
 
-    contour: NDArray[np.int64]  # (m,) contour of each move, -1 for none
-    first: NDArray[np.int64]  # (n,) first move of each contour
-    last: NDArray[np.int64]  # (n,) last move of each contour
+    contour: Ints  # (m,) contour of each move, -1 for none
+    first: Ints  # (n,) first move of each contour
+    last: Ints  # (n,) last move of each contour
     body: int  # line the print begins at: above it is start G-code
 
     def __len__(self) -> int:

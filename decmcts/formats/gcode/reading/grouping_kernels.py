@@ -7,8 +7,8 @@ between them but pauses that move nothing.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.compiled import kernel
 
 PUSHED = 1e-7  # mm of filament that counts as extrusion (absolute E carries rounding)
@@ -18,14 +18,14 @@ BLOB = 0.05  # mm of filament; a push below it inside a contour belongs to it, w
 
 @kernel
 def group_moves(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    surplus: NDArray[np.float64],
-    lays: NDArray[np.bool_],
-    barriers_before: NDArray[np.int64],
+    points: Floats,
+    extrusion: Floats,
+    surplus: Floats,
+    lays: Flags,
+    barriers_before: Ints,
     first: int,
     last: int,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Return the contour of each move in first..last, NO_CONTOUR (-1) for the others.
 
     `lays` are the moves that lay down filament wherever they stand. What is pushed
@@ -55,9 +55,7 @@ def group_moves(
 
 
 @kernel
-def heaviest_label(
-    offsets: NDArray[np.int64], weight: NDArray[np.float64], label: NDArray[np.int64], n_labels: int
-) -> NDArray[np.int64]:
+def heaviest_label(offsets: Ints, weight: Floats, label: Ints, n_labels: int) -> Ints:
     """Return, per row of the CSR `offsets`, the label with the largest total weight."""
     result = np.zeros(len(offsets) - 1, np.int64)
     total = np.zeros(n_labels)

@@ -11,8 +11,8 @@ import re
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.dialects.stated_times import silent_share
@@ -74,7 +74,7 @@ def _last_of(pattern: re.Pattern[bytes], text: bytes) -> list[float] | None:
     return [float(number) for number in numbers] or None
 
 
-def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
+def _usual(values: Floats, weights: Floats | None = None) -> float:
     """Return the value with the most weight, 0 for none."""
     if not len(values):
         return 0.0
@@ -113,12 +113,12 @@ def infer_settings(parsed: Parsed, gaps: Gaps) -> tuple[ProcessSettings, Habits]
 class _GapMoves:
     """What the moves of a file do between contours, each (m,)."""
 
-    gap: NDArray[np.bool_]  # between the first contour and the last, of none
-    still: NDArray[np.bool_]  # not across the bed
-    pull: NDArray[np.bool_]
-    push: NDArray[np.bool_]
-    across: NDArray[np.float64]  # mm
-    tool: NDArray[np.int64]
+    gap: Flags  # between the first contour and the last, of none
+    still: Flags  # not across the bed
+    pull: Flags
+    push: Flags
+    across: Floats  # mm
+    tool: Ints
 
     @staticmethod
     def of(parsed: Parsed) -> _GapMoves:
@@ -170,9 +170,7 @@ def _retractions(parsed: Parsed, gaps: Gaps, moves: _GapMoves) -> dict[int, tupl
     return found
 
 
-def _usual_acceleration(
-    parsed: Parsed, travel: NDArray[np.bool_], length: NDArray[np.float64]
-) -> float:
+def _usual_acceleration(parsed: Parsed, travel: Flags, length: Floats) -> float:
     """Return the acceleration most travel is made with as commands set it, 0 for none."""
     track, stated = parsed.track, stated_limits(parsed.lines.text)
     acceleration = commanded(track.table, TRAVELLING, stated)[track.at(parsed.motion.line[travel])]
@@ -193,7 +191,7 @@ def _habits(parsed: Parsed) -> Habits:
     )
 
 
-def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
+def _threshold(length: Floats, pulled: Flags) -> float:
     """Return the travel length that best parts retracted from plain travels.
 
     At most `LONGEST_BARE_MM`: a source that retracts only where it crosses a
@@ -209,7 +207,7 @@ def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
     return float(min(max(0.0, round(best, 4)), LONGEST_BARE_MM))
 
 
-def _hop(motion: Motion, gaps: Gaps, pulled: NDArray[np.bool_]) -> float:
+def _hop(motion: Motion, gaps: Gaps, pulled: Flags) -> float:
     """Return how far retracted travels rise above both their ends."""
     begin, end = gaps.begin, gaps.end  # points: where a gap starts and stops
     pairs = np.stack([begin, end + 1], axis=1).ravel()
@@ -222,8 +220,7 @@ def _hop(motion: Motion, gaps: Gaps, pulled: NDArray[np.bool_]) -> float:
 
 
 def _wipe(
-    motion: Motion, gaps: Gaps, wiping: NDArray[np.bool_], across: NDArray[np.float64],
-    pulled: NDArray[np.bool_],
+    motion: Motion, gaps: Gaps, wiping: Flags, across: Floats, pulled: Flags,
 ) -> dict[str, float]:  # fmt: skip
     """Return the settings of the usual wipe; none when most gaps have none."""
     run = np.concatenate([[0.0], np.cumsum(np.where(wiping, across, 0.0))])
@@ -241,7 +238,7 @@ def _wipe(
 
 
 def with_bare_travels(
-    text: bytes, contours: Contours, settings: ProcessSettings, pulled: NDArray[np.bool_]
+    text: bytes, contours: Contours, settings: ProcessSettings, pulled: Flags
 ) -> ProcessSettings:
     """Return the settings with the travels inside the part that the source leaves bare.
 
@@ -272,9 +269,7 @@ def with_bare_travels(
     )
 
 
-def _longest(
-    inside: NDArray[np.int64], length: NDArray[np.float64], pulled: NDArray[np.bool_], least: int
-) -> float:
+def _longest(inside: Ints, length: Floats, pulled: Flags, least: int) -> float:
     """Return the longest bare one of these travels, 0 if too few of the long ones are bare."""
     order = inside[np.argsort(length[inside], kind="stable")]
     bare = ~pulled[order]

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, interpret
@@ -207,9 +208,7 @@ def _preamble_end(parsed: Parsed) -> int:
     return first if abs(pushed - owed) > PRIMED_MM else top
 
 
-def _contours(
-    parsed: Parsed, blocks: Blocks, one_way: NDArray[np.bool_]
-) -> tuple[Contours, NDArray[np.int32], NDArray[np.int32]]:
+def _contours(parsed: Parsed, blocks: Blocks, one_way: Flags) -> tuple[Contours, Int32s, Int32s]:
     """Return the contours, and the state and the arc of each of their points."""
     motion, runs, beads = parsed.motion, parsed.runs, parsed.beads
     moves = np.flatnonzero(runs.contour >= 0)
@@ -239,9 +238,7 @@ def _contours(
     return contours, state, arc
 
 
-def _closed(
-    points: NDArray[np.float64], offsets: NDArray[np.int64], width: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _closed(points: Floats, offsets: Ints, width: Floats) -> Flags:
     """Tell which contours end within a bead width of their start after a longer way."""
     gap = np.linalg.norm(points[offsets[1:] - 1] - points[offsets[:-1]], axis=1)
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
@@ -251,12 +248,12 @@ def _closed(
 
 
 def _reversible(
-    points: NDArray[np.float64],
-    extrusion: NDArray[np.float64],
-    offsets: NDArray[np.int64],
+    points: Floats,
+    extrusion: Floats,
+    offsets: Ints,
     role: NDArray[np.int8],
     rounding_mm: float,
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Tell which contours give the same bead reversed.
 
     Not ironing (it pushes material ahead of itself), not slopes (vase, scarf
@@ -292,7 +289,7 @@ def _notes(
     parsed: Parsed,
     blocks: Blocks,
     settings: ProcessSettings,
-    point_arc: NDArray[np.int32],
+    point_arc: Int32s,
 ) -> tuple[str, ...]:
     notes, span = [], parsed.motion.line[[parsed.runs.first[0], parsed.runs.last[-1]]]
     for lines, what in (

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
 from decmcts.formats.gcode.text import scan_kernels as scan
@@ -87,13 +88,13 @@ class Lines:
 
     path: str
     text: bytes
-    starts: NDArray[np.int64]  # (n,) first byte
-    ends: NDArray[np.int64]  # (n,) past the last byte, line end left out
+    starts: Ints  # (n,) first byte
+    ends: Ints  # (n,) past the last byte, line end left out
     letter: NDArray[np.uint8]  # (n,) command letter, 0: none, gcode_scan.OTHER: a macro
-    code: NDArray[np.int32]  # (n,) command number times ten
-    values: NDArray[np.float64]  # (n, N_PARAMETERS) NaN where absent
-    comment: NDArray[np.int64]  # (n,) byte where a ; comment starts, ends[k] without one
-    decimals: NDArray[np.int64]  # (N_PARAMETERS,) most decimals seen
+    code: Int32s  # (n,) command number times ten
+    values: Floats  # (n, N_PARAMETERS) NaN where absent
+    comment: Ints  # (n,) byte where a ; comment starts, ends[k] without one
+    decimals: Ints  # (N_PARAMETERS,) most decimals seen
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -109,16 +110,16 @@ class Lines:
         stop = int(self.starts[last]) if last < len(self) else len(self.text)
         return self.text[int(self.starts[first]) : stop]
 
-    def are(self, letter: str, codes: Collection[int]) -> NDArray[np.bool_]:
+    def are(self, letter: str, codes: Collection[int]) -> Flags:
         """Tell which lines are one of these commands (numbers times ten), (n,)."""
         return np.asarray((self.letter == ord(letter)) & np.isin(self.code, list(codes)))
 
     @property
-    def moves(self) -> NDArray[np.bool_]:
+    def moves(self) -> Flags:
         """Which lines are G0 to G3, (n,)."""
         return np.asarray((self.letter == ord("G")) & (self.code <= 30))
 
-    def refuse_first(self, wrong: NDArray[np.bool_], what: str, advice: str = "") -> None:
+    def refuse_first(self, wrong: Flags, what: str, advice: str = "") -> None:
         """Raise InputError at the first line that is `wrong`, (n,), if any is."""
         if len(rows := np.flatnonzero(wrong)):
             raise self.refuse(int(rows[0]), what, advice)

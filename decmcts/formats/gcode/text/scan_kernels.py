@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.compiled import kernel
 
 X, Y, Z, E, F, OFFSET_I, OFFSET_J, R, D, S, P = range(11)  # columns of `values`
@@ -121,8 +122,8 @@ def _parameters(
     end: int,
     strict: bool,
     small: bool,
-    values: NDArray[np.float64],
-    decimals: NDArray[np.int64],
+    values: Floats,
+    decimals: Ints,
 ) -> int:
     """Write the parameters of one command into `values`; return the fault, or FINE.
 
@@ -178,14 +179,14 @@ def _wants_values(letter: int, code: int) -> bool:
 @kernel
 def scan_lines(
     text: NDArray[np.uint8],
-    starts: NDArray[np.int64],
-    ends: NDArray[np.int64],
+    starts: Ints,
+    ends: Ints,
     letter: NDArray[np.uint8],
-    code: NDArray[np.int32],
-    values: NDArray[np.float64],
+    code: Int32s,
+    values: Floats,
     fault: NDArray[np.uint8],
-    decimals: NDArray[np.int64],
-    comment: NDArray[np.int64],
+    decimals: Ints,
+    comment: Ints,
 ) -> None:
     """Fill letter, code (number times ten), values, fault and comment start, in place.
 

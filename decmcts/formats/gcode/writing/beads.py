@@ -10,14 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats
 from decmcts.formats.gcode.document import NO_ARC, GcodeDocument
 from decmcts.print.job import PrintJob
 
 NEAR_TIE = 1e-4  # of a last digit: so near to the middle between two numbers Python rounds
 
-Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 
@@ -65,7 +64,7 @@ class BeadRows:
         return left
 
 
-def _plain(document: GcodeDocument, job: PrintJob) -> NDArray[np.bool_]:
+def _plain(document: GcodeDocument, job: PrintJob) -> Flags:
     """Tell which contours are plain, (n,)."""
     contours = job.contours
     points, feed, state = contours.points, contours.feed, document.point_state
@@ -92,7 +91,7 @@ def rounded(values: Floats, digits: int) -> Floats:
     return np.asarray(found)
 
 
-def level_part(way: NDArray[np.float64]) -> NDArray[np.float64]:
+def level_part(way: Floats) -> Floats:
     """Return the first points of a way up to where it goes straight up or down.
 
     A wipe does not go back into a vertical bead.
@@ -102,7 +101,7 @@ def level_part(way: NDArray[np.float64]) -> NDArray[np.float64]:
     return way[: upright[0] + 1] if len(upright) else way
 
 
-def first_part(way: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def first_part(way: Floats, length: float) -> Floats:
     """Return the first `length` mm of a polyline."""
     step = np.linalg.norm(np.diff(way, axis=0), axis=1)
     reach = np.cumsum(step)

@@ -13,8 +13,8 @@ from itertools import accumulate
 from operator import add
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import Cursor, GcodeDocument
 from decmcts.formats.gcode.writing.beads import first_part, level_part
@@ -56,7 +56,7 @@ class Emitter:
         self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
         self.e = 0.0
         self.relative_e = document.start.relative_e
-        self.tail: NDArray[np.float64] | None = None  # the bead just printed, newest first
+        self.tail: Floats | None = None  # the bead just printed, newest first
         self.parted = False  # a verbatim block stands between the last bead and the next
         self.top = -math.inf  # highest bead so far; none yet
         self.cold = False  # the hot end is not heated yet: no filament may move
@@ -143,7 +143,7 @@ class Emitter:
             self.leave()
         self.at, self.feed = to, feed
 
-    def plain(self, ends: NDArray[np.float64], rounded_off: list[float], feed: float) -> None:
+    def plain(self, ends: Floats, rounded_off: list[float], feed: float) -> None:
         """Print straight and level from where the head stands, all segments at one feed.
 
         `ends` are the rows of `BeadRows.ends`; none is empty or without filament.
@@ -167,8 +167,7 @@ class Emitter:
         self.tail = None
 
     def arc(
-        self, to: Point, centre: tuple[float, float], clockwise: bool,
-        feed: float, filament: float,
+        self, to: Point, centre: tuple[float, float], clockwise: bool, feed: float, filament: float,
     ) -> None:  # fmt: skip
         """Move along an arc around a centre; equal ends are a full circle."""
         words = ["G2" if clockwise else "G3", f"X{to[0]:{self._xy}}", f"Y{to[1]:{self._xy}}"]
@@ -267,7 +266,7 @@ class Emitter:
             return self.firmware_retracted
         return self.owed >= self.settings.retract_mm - 1e-6
 
-    def _wipe(self, tail: NDArray[np.float64], filament: float) -> None:
+    def _wipe(self, tail: Floats, filament: float) -> None:
         """Wipe half the length back along the bead and return: a path that was just printed.
 
         The head ends where the bead ends, so the planned travel starts there.

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Int32s
 from decmcts.formats.gcode.document import DESCRIBES, Block, Cursor, GcodeDocument, MoreStates
 from decmcts.formats.gcode.text.lines import command_of, commands_of
 from decmcts.formats.gcode.writing.hot_ends import unknown_row
@@ -26,7 +26,6 @@ from decmcts.print.job import PrintJob
 _QUIET = re.compile(rb"(?:G0*(?:[0-4]|1[01](?![^;]*P)|9[0-2])|M(?:400|8[23]))(?![0-9.])", re.I)
 ALIKE_DIGITS = 3  # of filament, mm
 Pair = tuple[int, int]
-Ints = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ class FreeChanges:
     walls: int  # changes that are not
     why: str  # in words, why the first of them is not; empty: all are
 
-    def stretches(self, job: PrintJob, document: GcodeDocument) -> Ints:
+    def stretches(self, job: PrintJob, document: GcodeDocument) -> Int32s:
         """Return between which walls each contour lies, counted from 0, (n,)."""
         stays = np.ones(int(job.contours.epoch.max(initial=0)) + 1, np.bool_)
         stays[0] = False
@@ -113,7 +112,7 @@ def _first(block: Block, taken: set[int]) -> str:
 
 
 def with_runs(
-    job: PrintJob, document: GcodeDocument, free: FreeChanges, order: Ints, run: Ints
+    job: PrintJob, document: GcodeDocument, free: FreeChanges, order: Int32s, run: Int32s
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return a source whose tools change where an order asks for it.
 

@@ -24,8 +24,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.formats.gcode.dialects.dialect import classify
 from decmcts.formats.gcode.document import Block, GcodeDocument, Motions, OwnStart
 from decmcts.formats.gcode.text.lines import command_of, commands_of
@@ -51,9 +51,6 @@ MOST_MM = 2.0  # of filament that a change pushes or pulls in all; more is a pur
 PRIMES_MM = 0.01  # of filament; less is rounding
 ALIKE_MM = 2e-3  # by which what primes a tool may differ: what files of three decimals round off
 _PLACES = re.compile(r"\d+ places? nothing is moved across$")
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

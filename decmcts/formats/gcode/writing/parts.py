@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Flags, Floats, Ints
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import NO_ARC, Block, GcodeDocument
 from decmcts.print.contours import PER_CONTOUR, Contours
@@ -24,10 +24,10 @@ class Stretch:
     """A part of one contour of the source, printed as the source runs."""
 
     of: int  # contour of the source
-    points: NDArray[np.float64]  # (k, 3) mm
-    extrusion: NDArray[np.float64]  # (k,) mm of filament of the segment ending here; 0 at first
-    feed: NDArray[np.float64]  # (k,) mm/s
-    row: NDArray[np.int64]  # (k,) point of the source whose segment each is a part of
+    points: Floats  # (k, 3) mm
+    extrusion: Floats  # (k,) mm of filament of the segment ending here; 0 at first
+    feed: Floats  # (k,) mm/s
+    row: Ints  # (k,) point of the source whose segment each is a part of
     whole: bool  # it is all of the contour
 
 
@@ -91,9 +91,7 @@ def _in_words(stretch: Stretch, document: GcodeDocument) -> Stretch:
     return replace(stretch, extrusion=np.diff(laid, prepend=0.0))
 
 
-def cut_document(
-    document: GcodeDocument, pieces: Contours, row: NDArray[np.int64]
-) -> GcodeDocument:
+def cut_document(document: GcodeDocument, pieces: Contours, row: Ints) -> GcodeDocument:
     """Return the document of pieces.
 
     Parameters
@@ -113,7 +111,7 @@ def cut_document(
     return replace(document, point_state=document.point_state[row], owed=owed, point_arc=arc)
 
 
-def has_stiff_arc(document: GcodeDocument, contours: Contours) -> NDArray[np.bool_]:
+def has_stiff_arc(document: GcodeDocument, contours: Contours) -> Flags:
     """Tell which contours have an arc that does not read back as the same chords once cut, (n,)."""
     arcs = document.point_arc
     stiff = arcs != NO_ARC

@@ -14,8 +14,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Ints
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import OF_TOOL
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, MoreStates, OwnStart
@@ -213,7 +213,7 @@ class _States:
         return int(self.point_state[self.contours.offsets[contour] + 1])
 
 
-def _nearest(contours: Contours, due: int, has: int) -> NDArray[np.int64]:
+def _nearest(contours: Contours, due: int, has: int) -> Ints:
     """Return for each contour of tool `due` one of tool `has` that is most like it, (n,).
 
     In the nearest layer, of the same role if there is one.

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from decmcts.arrays import Floats
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import SPLIT_MARK
 from decmcts.formats.gcode.dialects.stated_times import M73, WORD, without_progress
@@ -68,7 +68,7 @@ def write_gcode(
     emitter.use(document.start.tool)
     blocks = iter(document.blocks)
     block = next(blocks, None)
-    path: list[NDArray[np.float64]] = []
+    path: list[Floats] = []
     ahead = prints_ahead(actions)
     for k, kind in enumerate(map(ActionKind, actions.kind.tolist())):
         if kind is ActionKind.TRAVEL:
@@ -156,7 +156,7 @@ def print_contour(
     emitter: Emitter,
     beads: BeadRows,
     contour: int,
-    path: list[NDArray[np.float64]],
+    path: list[Floats],
     *,
     is_reversed: bool,
     entry: int,
@@ -226,7 +226,7 @@ def _lay(
         k = until
 
 
-def _go(emitter: Emitter, path: list[NDArray[np.float64]], begin: Point) -> None:
+def _go(emitter: Emitter, path: list[Floats], begin: Point) -> None:
     """Follow the planned path if it starts here, else go over the print.
 
     The first path starts at the park position, where the start G-code does not
@@ -242,7 +242,7 @@ def _go(emitter: Emitter, path: list[NDArray[np.float64]], begin: Point) -> None
         emitter.move(begin, emitter.travel_feed)
 
 
-def _follow(emitter: Emitter, path: list[NDArray[np.float64]]) -> None:
+def _follow(emitter: Emitter, path: list[Floats]) -> None:
     way = [tuple(p) for part in path for p in part.tolist()]
     if way and math.dist(way[0], emitter.at) < NEAR_MM:
         emitter.travel(way[1:])

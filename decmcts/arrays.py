@@ -1,4 +1,4 @@
-"""The kinds of arrays that all of `sim` has; shapes stand where an array is used."""
+"""The kinds of arrays that the project has; shapes stand where an array is used."""
 
 from __future__ import annotations
 
@@ -7,4 +7,5 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Int32s = NDArray[np.int32]  # contours, and all that is kept for each of many
 Flags = NDArray[np.bool_]
