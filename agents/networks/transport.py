@@ -47,7 +47,7 @@ class Traffic:
 
 
 class Transport:
-    """One agent's side of a network, open inside `with`. What is not overridden meets nobody."""
+    """One agent's side of a network, open inside `with`."""
 
     def __enter__(self) -> Self:
         """Open the network and announce this head."""
@@ -58,15 +58,23 @@ class Transport:
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
         """Hand over bytes for all peers; never blocks, may drop unreliable ones."""
+        raise NotImplementedError
 
     def receive(self, timeout_s: float) -> list[Arrival]:
         """Return what arrived, waiting at most `timeout_s` for the first."""
-        time.sleep(timeout_s)
-        return []
+        raise NotImplementedError
 
     def move(self, places: Sequence[str]) -> None:
         """Meet the others at other places from now on."""
 
 
 class NoNetwork(Transport):
-    """The transport of the single-extruder mode."""
+    """The transport of the single-extruder mode: it meets nobody."""
+
+    def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
+        """Nobody hears."""
+
+    def receive(self, timeout_s: float) -> list[Arrival]:
+        """Wait; nothing arrives."""
+        time.sleep(timeout_s)
+        return []

@@ -23,14 +23,16 @@ any print:
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from decmcts.arrays import Floats, Int32s, Ints
 from decmcts.feasibility.build import closure_of
 from decmcts.feasibility.clustering_kernels import (
     Neighbours,
+    cluster_depths,
     depths,
+    edge_gammas,
     merge_adjacent,
     topological_ranks,
 )
@@ -69,42 +71,9 @@ def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> Int32
     island = _islands(graph)
     islands = _quotient(graph, island)
     depth = depths(_preds(islands))
-    one, other, gamma = sibling_gammas(islands, depth)
-    close = gamma >= threshold
-    ties = coo_array((close[close], (one[close], other[close])), shape=(islands.n, islands.n))
-    cluster = connected_components(ties, directed=False)[1]
-    labels = _merge(islands, _by_depth(cluster, depth), depth, threshold)
+    root = cluster_depths(_preds(islands), _succs(islands), depth, threshold)
+    labels = _merge(islands, _by_depth(root, depth), depth, threshold)
     return labels[island]
-
-
-def sibling_gammas(graph: DependencyGraph, depth: Int32s) -> tuple[Int32s, Int32s, Floats]:
-    """Return the pairs i < j of one depth that share a dependee or a depender, and gamma of each.
-
-    Three arrays, (k,) each.
-    """
-    sides = ((graph.pred_offsets, graph.preds), (graph.succ_offsets, graph.succs))
-    shared = []
-    for offsets, ids in sides:
-        rows = csr_array((np.ones(len(ids), np.int64), ids, offsets), shape=(graph.n, graph.n))
-        shared.append(rows @ rows.T)
-    unit = graph.n + 1  # above any count, so that one number holds both
-    pairs = (shared[0] + unit * shared[1]).tocoo()
-    kept = (pairs.row < pairs.col) & (depth[pairs.row] == depth[pairs.col])
-    i, j = pairs.row[kept], pairs.col[kept]
-    common = np.array([pairs.data[kept] % unit, pairs.data[kept] // unit])
-    sizes = np.array([np.diff(offsets) for offsets, _ in sides])
-    return i, j, mean_of_terms(common, np.maximum(sizes[:, i], sizes[:, j]))
-
-
-def mean_of_terms(common: Ints, most: Ints) -> Floats:
-    """Return gamma of pairs, (k,), from the sizes of common sets and of the larger single sets.
-
-    Both are (2, k): of dependees and of dependers. A side on which neither of a pair has anyone
-    says nothing and is left out of the mean.
-    """
-    said = most > 0
-    terms = np.divide(common, most, out=np.zeros(most.shape), where=said)
-    return np.where(said.any(axis=0), terms.sum(axis=0) / np.maximum(said.sum(axis=0), 1), 1.0)
 
 
 def _islands(graph: DependencyGraph) -> Int32s:
@@ -123,7 +92,12 @@ def _islands(graph: DependencyGraph) -> Int32s:
     return np.asarray(ranks[island])
 
 
-def _merge(graph: DependencyGraph, labels: Int32s, depth: Int32s, threshold: float) -> Int32s:
+def _merge(
+    graph: DependencyGraph,
+    labels: Int32s,
+    depth: Int32s,
+    threshold: float,
+) -> Int32s:
     """Merge adjacent subgraphs, until nothing changes."""
     while True:
         quotient = _quotient(graph, labels)
@@ -142,12 +116,16 @@ def _preds(graph: DependencyGraph) -> Neighbours:
     return graph.pred_offsets, graph.preds
 
 
-def _by_depth(cluster: Int32s, depth: Int32s) -> Int32s:
-    """Return the labels of clusters, each of one depth, by depth and then by first member."""
-    n = len(cluster)
+def _succs(graph: DependencyGraph) -> Neighbours:
+    return graph.succ_offsets, graph.succs
+
+
+def _by_depth(root: Int32s, depth: Int32s) -> Int32s:
+    """Return labels of the sets with these roots, numbered by depth, then first member."""
+    n = len(root)
     first = np.full(n, n, np.int64)
-    np.minimum.at(first, cluster, np.arange(n))
-    key = depth.astype(np.int64) * (n + 1) + first[cluster]
+    np.minimum.at(first, root, np.arange(n))
+    key = depth.astype(np.int64) * (n + 1) + first[root]
     return np.asarray(np.unique(key, return_inverse=True)[1], np.int32)
 
 
@@ -175,16 +153,11 @@ def _ranks(pairs: Int32s, n: int) -> Int32s:
 
 
 def _gammas(quotient: DependencyGraph) -> Floats:
-    """Return gamma of each stored edge (u, v) of the quotient, (m,), the pair itself left out.
-
-    v has all of u's dependees and u all of v's dependers, so the common sets are
-    u's dependees and v's dependers.
-    """
+    """Return the connectedness of each stored edge of the quotient, (m,)."""
     n = quotient.n
     mirrored = DependencyGraph.from_pairs(n, (n - 1 - quotient.pairs())[:, ::-1])
-    before, after = _ancestor_counts(quotient), _ancestor_counts(mirrored)[::-1]
-    u, v = quotient.pairs().T
-    return mean_of_terms(np.array([before[u], after[v]]), np.array([before[v] - 1, after[u] - 1]))
+    after = _ancestor_counts(mirrored)[::-1].copy()
+    return np.asarray(edge_gammas(_preds(quotient), _ancestor_counts(quotient), after))
 
 
 def _ancestor_counts(graph: DependencyGraph) -> Ints:

@@ -1,4 +1,4 @@
-"""The loops of Alg. 1 on plain arrays: depths, merging without cycles.
+"""The loops of Alg. 1 on plain arrays: depths, connectedness, merging without cycles.
 
 All graphs here are CSR with nodes numbered in a topological order: every
 predecessor of a node is smaller than the node. What the numbers mean and which
@@ -28,6 +28,138 @@ def depths(preds: Neighbours) -> Int32s:
         for e in range(preds[0][b], preds[0][b + 1]):
             depth[b] = max(depth[b], depth[preds[1][e]] + 1)
     return depth
+
+
+@kernel
+def root_of(parent: Int32s, i: int) -> int:
+    """Return the representative of i's set, halving the path on the way."""
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@kernel
+def count_marked(neighbours: Neighbours, j: int, mark: Int32s, i: int) -> int:
+    """Count the neighbours of j that carry the mark i."""
+    common = 0
+    for e in range(neighbours[0][j], neighbours[0][j + 1]):
+        common += mark[neighbours[1][e]] == i
+    return common
+
+
+@kernel
+def mean_of_terms(
+    common_dependees: float, most_dependees: float, common_dependers: float, most_dependers: float
+) -> float:
+    """Return gamma from the sizes of the common sets and of the larger single sets.
+
+    A side on which neither has anyone says nothing and is left out of the mean.
+    """
+    if most_dependees == 0 and most_dependers == 0:
+        return 1.0
+    if most_dependees == 0:
+        return common_dependers / most_dependers
+    if most_dependers == 0:
+        return common_dependees / most_dependees
+    return (common_dependees / most_dependees + common_dependers / most_dependers) / 2
+
+
+@kernel
+def mark_neighbours(neighbours: Neighbours, i: int, mark: Int32s) -> None:
+    """Put the mark i on the neighbours of i."""
+    for e in range(neighbours[0][i], neighbours[0][i + 1]):
+        mark[neighbours[1][e]] = i
+
+
+@kernel
+def connectedness(
+    preds: Neighbours,
+    succs: Neighbours,
+    i: int,
+    j: int,
+    dependee_of: Int32s,
+    depender_of: Int32s,
+) -> float:
+    """Return gamma_ij; the two arrays carry the mark i on i's dependees and dependers."""
+    dependees = max(preds[0][i + 1] - preds[0][i], preds[0][j + 1] - preds[0][j])
+    dependers = max(succs[0][i + 1] - succs[0][i], succs[0][j + 1] - succs[0][j])
+    return mean_of_terms(
+        count_marked(preds, j, dependee_of, i),
+        dependees,
+        count_marked(succs, j, depender_of, i),
+        dependers,
+    )
+
+
+@kernel
+def siblings(
+    through: Neighbours,
+    back: Neighbours,
+    i: int,
+    depth: Int32s,
+    seen: Int32s,
+    found: Int32s,
+    count: int,
+) -> int:
+    """Add to `found` the j < i of i's depth that share a neighbour of `through`.
+
+    `back` holds the same edges from the other side. Marks them in `seen`; returns
+    the new number found.
+    """
+    for e in range(through[0][i], through[0][i + 1]):
+        shared = through[1][e]
+        for f in range(back[0][shared], back[0][shared + 1]):
+            j = back[1][f]
+            if j >= i:
+                break
+            if depth[j] == depth[i] and seen[j] != i:
+                seen[j] = i
+                found[count] = j
+                count += 1
+    return count
+
+
+@kernel
+def cluster_depths(preds: Neighbours, succs: Neighbours, depth: Int32s, threshold: float) -> Int32s:
+    """Return a representative for each node: highly connected nodes of a depth share one."""
+    n = len(depth)
+    parent = np.arange(n).astype(np.int32)
+    dependee_of = np.full(n, NONE, np.int32)
+    depender_of = np.full(n, NONE, np.int32)
+    seen = np.full(n, NONE, np.int32)
+    found = np.empty(n, np.int32)
+    for i in range(n):
+        mark_neighbours(preds, i, dependee_of)
+        mark_neighbours(succs, i, depender_of)
+        count = siblings(preds, succs, i, depth, seen, found, 0)
+        count = siblings(succs, preds, i, depth, seen, found, count)
+        for j in found[:count]:
+            mine, other = root_of(parent, i), root_of(parent, j)
+            if mine == other:
+                continue
+            if connectedness(preds, succs, i, j, dependee_of, depender_of) >= threshold:
+                parent[other] = mine
+    for i in range(n):
+        parent[i] = root_of(parent, i)
+    return parent
+
+
+@kernel
+def edge_gammas(preds: Neighbours, ancestors: Ints, descendants: Ints) -> Floats:
+    """Return gamma of each edge (u, v) from all dependees and dependers but the pair itself.
+
+    v has all of u's dependees and u all of v's dependers, so the common sets are
+    u's dependees and v's dependers.
+    """
+    gammas = np.empty(len(preds[1]))
+    for v in range(len(ancestors)):
+        for e in range(preds[0][v], preds[0][v + 1]):
+            u = preds[1][e]
+            gammas[e] = mean_of_terms(
+                ancestors[u], ancestors[v] - 1, descendants[v], descendants[u] - 1
+            )
+    return gammas
 
 
 class Groups(NamedTuple):

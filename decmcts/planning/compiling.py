@@ -22,7 +22,7 @@ from decmcts.compiled import FILES, SOURCES
 from decmcts.jit import Store, cache_folder
 from decmcts.jit.kernel import compiler_and_processor, reported_to
 from decmcts.jit.store import MARK, cache_home, remove_unused, size_of, temporary_folder
-from decmcts.planning.events import Event, Note, Report, Step
+from decmcts.planning.events import Event, Note, Report, Step, unheard
 from decmcts.planning.options import Freedom, PlannerName, Search
 from decmcts.search.sequence.problem import OrderProblem
 
@@ -218,7 +218,7 @@ def compilation_reported(report: Report) -> Iterator[Report]:
 
 def report_if_unwritable(report: Report) -> None:
     """Report, once a run, that the cache cannot be written and what that costs."""
-    if Store.unwritable is None or _reported:
+    if Store.unwritable is None or _reported or report is unheard:
         return
     _reported.append(str(Store.unwritable))
     report(

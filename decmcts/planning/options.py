@@ -6,7 +6,7 @@ Nothing here computes. Names in files and on the command line are the values of 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,6 @@ from decmcts.team.planner import TeamPlanner
 
 if TYPE_CHECKING:
     from decmcts.print.job import PrintJob
-from dataclasses import replace
 
 STAGGER_MM = 1.2  # more than two beads of 0.45 mm: ends of one layer touch none of the next
 MOST_STAGGER_MM = 5.0  # farther from where a layer's strips end in step, heads wait for each other

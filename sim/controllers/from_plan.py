@@ -13,8 +13,8 @@ import numpy as np
 
 from decmcts.arrays import Floats, Ints
 from decmcts.print.machine import MotionLimits
-from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, PlanDocument
-from decmcts.print.signals import places_of
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan, PlanDocument
+from decmcts.print.signals import Place, places_of
 from sim.content.seams import laid_by
 from sim.controllers.motion import QUEUE, profile_of
 from sim.controllers.program import HeadProgram, StopKind, Stops, stops_of
@@ -24,11 +24,25 @@ HAIR_S = 1e-4  # by which an action may be shorter than the plan says
 
 def programs_of_plan(document: PlanDocument, queue: int = QUEUE) -> tuple[HeadProgram, ...]:
     """Return the program of each head of a plan that the judge has passed, or not."""
-    return tuple(program_of_head(document, h, queue) for h in range(len(document.plan.heads)))
+    signals = _signals(document.plan)
+    return tuple(_program(document, h, signals, queue) for h in range(len(document.plan.heads)))
 
 
 def program_of_head(document: PlanDocument, h: int, queue: int = QUEUE) -> HeadProgram:
     """Return the program of one head, with signals numbered as among all of them."""
+    return _program(document, h, _signals(document.plan), queue)
+
+
+def _signals(plan: JointPlan) -> dict[Place, int]:
+    """Return the number of the signal of each place that another head waits for."""
+    given = {
+        place for h, head in enumerate(plan.heads) for place in places_of(plan, head)
+        if place[0] != h
+    }  # fmt: skip
+    return {place: k for k, place in enumerate(sorted(given))}
+
+
+def _program(document: PlanDocument, h: int, signals: dict[Place, int], queue: int) -> HeadProgram:
     actions, machine = document.plan.heads[h], document.machine
     head = machine.head(actions.head)
     limits = machine.limits_of(head)
@@ -48,7 +62,7 @@ def program_of_head(document: PlanDocument, h: int, queue: int = QUEUE) -> HeadP
     )  # fmt: skip
     motion = np.zeros(len(actions))
     np.add.at(motion, action, profile_of(program, queue).seconds)
-    return replace(program, stops=_stops(document, h, action, motion))
+    return replace(program, stops=_stops(document, h, signals, action, motion))
 
 
 def _of_prints(
@@ -72,16 +86,12 @@ def _of_prints(
     return feed, filament, rate
 
 
-def _stops(document: PlanDocument, h: int, action: Ints, motion: Floats) -> Stops:
-    plan = document.plan
-    given = {
-        place for g, head in enumerate(plan.heads) for place in places_of(plan, head)
-        if place[0] != g
-    }  # fmt: skip
-    signals = {place: k for k, place in enumerate(sorted(given))}  # of all heads alike
+def _stops(
+    document: PlanDocument, h: int, signals: dict[Place, int], action: Ints, motion: Floats
+) -> Stops:
     actions, rows = document.plan.heads[h], list[tuple[int, int, int, float]]()
     at_rest = document.machine.release == "action"
-    awaited = places_of(plan, actions)
+    awaited = places_of(document.plan, actions)
     place = np.searchsorted(action, np.arange(len(actions) + 1))
     due = actions.end_s - actions.begin_s - motion
     mine: dict[int, list[tuple[int, int]]] = {}

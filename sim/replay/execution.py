@@ -151,8 +151,9 @@ def head_conflicts(machine: Machine, pieces: PairMotion) -> list[tuple[int, floa
         pieces, every, bounds_of(np.concatenate(mine)), bounds_of(np.concatenate(theirs)), reach
     )
     found: dict[tuple[int, int], tuple[int, float]] = {}
-    for a, b in product(mine, theirs):
-        for k in _near_pieces(pieces, near, bounds_of(a), bounds_of(b), reach).tolist():
+    bounded = ([(part, bounds_of(part)) for part in parts] for parts in (mine, theirs))
+    for (a, bounds), (b, other_bounds) in product(*bounded):
+        for k in _near_pieces(pieces, near, bounds, other_bounds, reach).tolist():
             actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
             if actions in found or len(found) >= LIMIT:
                 continue

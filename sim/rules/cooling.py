@@ -233,12 +233,12 @@ class LeastTime:
         least: dict[tuple[int, int], float] = {}
         heap: list[tuple[int, int, int]] = []
 
-        def step(head: int, leg: int, begun: float) -> None:
-            """Note what has ended when a leg begins, `begun` seconds before."""
-            waits = self._waits[head].get(leg, ())
+        def step(h: int, j: int, begun: float) -> None:
+            """Note what has ended when leg `j` of head `h` begins, `begun` seconds before."""
+            waits = self._waits[h].get(j, ())
             ended = [(edge.head, edge.action, edge.lag_s) for edge in waits]
-            if leg:
-                ended.append((head, leg - 1, 0.0))
+            if j:
+                ended.append((h, j - 1, 0.0))
             for g, k, lag_s in ended:
                 if (g, k) not in least:
                     heapq.heappush(heap, (-int(self._rank[g][k]), g, k))

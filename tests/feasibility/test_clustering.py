@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from decmcts.feasibility.build import build_graph
-from decmcts.feasibility.clustering import (
-    _islands,
-    cluster_contours,
-    sibling_gammas,
-)
-from decmcts.feasibility.clustering_kernels import merge_adjacent
+from decmcts.feasibility.clustering import _islands, cluster_contours
+from decmcts.feasibility.clustering_kernels import connectedness, mark_neighbours, merge_adjacent
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 
 
@@ -23,9 +20,12 @@ def graph_of(n: int, *pairs: tuple[int, int]) -> DependencyGraph:
 
 
 def gamma(graph: DependencyGraph, i: int, j: int) -> float:
-    """Of a pair at one depth; 0 where the two have nothing in common."""
-    low, high, found = sibling_gammas(graph, np.zeros(graph.n, np.int32))
-    return float(found[(low == min(i, j)) & (high == max(i, j))].sum())
+    preds = (graph.pred_offsets, graph.preds)
+    succs = (graph.succ_offsets, graph.succs)
+    dependee_of, depender_of = np.full((2, graph.n), -1, np.int32)
+    mark_neighbours(preds, i, dependee_of)
+    mark_neighbours(succs, i, depender_of)
+    return float(connectedness(preds, succs, i, j, dependee_of, depender_of))
 
 
 def assert_topological(graph: DependencyGraph, labels: NDArray[np.int32]) -> None:
@@ -173,3 +173,16 @@ def test_small_inputs_and_bad_threshold() -> None:
     assert sorted(cluster_contours(graph_of(3)).tolist()) == [0, 1, 2]
     with pytest.raises(ValueError, match=r"threshold is 1\.5"):
         cluster_contours(graph_of(1), threshold=1.5)
+
+
+@pytest.mark.slow
+def test_many_that_rest_on_one_take_no_memory_for_each_pair() -> None:
+    """Thousands of parts on one raft: a table of their pairs had gigabytes."""
+    star = np.array([(0, k) for k in range(1, 3000)], np.int32)
+    tracemalloc.start()
+    try:
+        labels = cluster_contours(DependencyGraph.from_pairs(3000, star))
+        assert tracemalloc.get_traced_memory()[1] < 32e6
+    finally:
+        tracemalloc.stop()
+    assert len(set(labels.tolist())) == 2

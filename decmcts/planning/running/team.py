@@ -45,8 +45,8 @@ class RunOptions:
     delay_s: float = 0.0  # of the print, by which the others are late at most
     replan_s: float = 5.0  # time limit of the heads' search for what is left
     left_beads: LeftBeads = LeftBeads.FINISH  # what becomes of a bead that was broken off
-    print_with: tuple[tuple[int, int], ...] = ()  # tools, and those that print for them once no
-    # living head has them
+    # tools, and those that print for them once no living head has them
+    print_with: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
         for name, value, least, most in (

@@ -244,19 +244,19 @@ def least_times(
     at the contours' feeds, without any ramps. O(heads with limits of their own · entries of one
     contour · points).
 
-    Returns
-    -------
-    contour : (n,) seconds
-    segment : (n_points,) seconds
-        Of the segment ending at each point, 0 at a start. Those of a contour may sum to less than
-        the contour's, since each is by the head and entry that are best for it.
-
     Parameters
     ----------
     eligible : (n, heads)
         A contour that no head may print is taken to be any head's.
     entries : SeamEntries | None
         Where loops may be entered besides as sliced; None: nowhere.
+
+    Returns
+    -------
+    contour : (n,) seconds
+    segment : (n_points,) seconds
+        Of the segment ending at each point, 0 at a start. Those of a contour may sum to less than
+        the contour's, since each is by the head and entry that are best for it.
     """
     contours = job.contours
     may = eligible | ~eligible.any(axis=1, keepdims=True)
