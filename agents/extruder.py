@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NoReturn
 from agents.agreeing.events import Leave, PlanningEnded, PlanReleased
 from agents.launching.places import remove_left
 from agents.launching.processes import PIPED, failed
-from agents.loop.agent import TICK_S, Agent
+from agents.loop.agent import TICK_S, Agent, FrontEnd
 from agents.loop.pipes import PipeFront, TerminalFront, line_of
 from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS, apart
 from agents.networks.meeting import Meeting, addresses, secret_of
@@ -50,8 +50,7 @@ def run(
     """
     if given.meeting is None and not given.controlled:
         planner.serial((given.head,))
-    front: PipeFront | TerminalFront
-    front = (pipe or PipeFront()) if given.controlled else TerminalFront()
+    front: FrontEnd = (pipe or PipeFront()) if given.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
     others = tuple(head for head in range(len(planner.names)) if head != given.head)

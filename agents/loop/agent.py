@@ -67,6 +67,9 @@ class FrontEnd:
         asked, self.asked = self.asked, []
         return asked
 
+    def ready(self, problem: str) -> None:
+        """Show that the problem is loaded and the network open."""
+
     def progress(self, progress: AgentProgress, traffic: Traffic) -> None:
         """Show where the agent stands."""
 

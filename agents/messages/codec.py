@@ -35,6 +35,7 @@ from agents.messages.kinds import (
     Plans,
     Proposal,
     Sequence32,
+    check_head,
 )
 from agents.messages.rows import PLAIN, array, fields_of, integer, text, unpacker
 from decmcts.arrays import Floats
@@ -92,8 +93,9 @@ def decode(data: bytes, most_symbols: int = MAX_SYMBOLS) -> Envelope:
         word, head, epoch, seq, *fields = _unpack(data)
         kind = _MESSAGES[text(word)]
         _require_size(word, len(data))
-        message = _read(kind, fields, min(most_symbols, MAX_SYMBOLS))
-        return Envelope(integer(head), integer(epoch), integer(seq), message)
+        head, epoch, seq = integer(head), integer(epoch), integer(seq)
+        check_head(head)  # before anything is unpacked
+        return Envelope(head, epoch, seq, _read(kind, fields, min(most_symbols, MAX_SYMBOLS)))
     except MessageError:
         raise
     except (ValueError, KeyError, TypeError, OverflowError, zlib.error, RecursionError) as error:

@@ -117,6 +117,9 @@ class MemoryTransport(Transport):
         arrived, self.inbox = self.inbox, []
         return arrived
 
+    def move(self, places: Sequence[str]) -> None:
+        """There is one network only."""
+
 
 class LossyTransport(Transport):
     """A transport behind which the weather is bad; its delays are seconds of the world."""

@@ -7,6 +7,7 @@ encoding is `agents.messages.codec`'s, reactions are `agents.agreeing.protocol`'
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -46,30 +47,35 @@ class Traffic:
         return {name: dict(getattr(self, name)) for name in self.__slots__}
 
 
-class Transport:
+class Transport(ABC):
     """One agent's side of a network, open inside `with`."""
 
     def __enter__(self) -> Self:
         """Open the network and announce this head."""
         return self
 
+    @abstractmethod
     def __exit__(self, *error: object) -> None:
         """Leave the network."""
 
+    @abstractmethod
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
         """Hand over bytes for all peers; never blocks, may drop unreliable ones."""
-        raise NotImplementedError
 
+    @abstractmethod
     def receive(self, timeout_s: float) -> list[Arrival]:
         """Return what arrived, waiting at most `timeout_s` for the first."""
-        raise NotImplementedError
 
+    @abstractmethod
     def move(self, places: Sequence[str]) -> None:
         """Meet the others at other places from now on."""
 
 
 class NoNetwork(Transport):
     """The transport of the single-extruder mode: it meets nobody."""
+
+    def __exit__(self, *error: object) -> None:
+        """There is nothing to leave."""
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
         """Nobody hears."""
@@ -78,3 +84,6 @@ class NoNetwork(Transport):
         """Wait; nothing arrives."""
         time.sleep(timeout_s)
         return []
+
+    def move(self, places: Sequence[str]) -> None:
+        """There is nobody to meet."""

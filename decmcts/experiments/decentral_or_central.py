@@ -11,10 +11,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.in_memory import agreed
@@ -44,6 +43,9 @@ from decmcts.team.dec_mcts.planner import DecMcts
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 HEADS = 3
 BED_MM = 500.0

@@ -11,13 +11,14 @@ import statistics
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from decmcts.formats.files.atomic import write_whole
 from decmcts.search.sequence.stopping import Stopping
+
+if TYPE_CHECKING:  # matplotlib loads for those who draw
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Key = dict[str, Any]  # which run it is: text and numbers, so that any process can make it
 Row = dict[str, Any]  # what came of it
@@ -178,6 +179,8 @@ DPI = 110
 
 def figure(columns: int, *, width: float = 5.0, height: float = 4.2) -> tuple[Figure, list[Axes]]:
     """Return a figure of so many axes side by side."""
+    from matplotlib.figure import Figure
+
     made = Figure(figsize=(width * columns, height), layout="constrained")
     axes = list(made.subplots(1, columns, squeeze=False)[0])
     for each in axes:

@@ -15,12 +15,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from agents.planners.team_planner import DecMctsPlanner
 from decmcts.experiments.in_memory import STEP_S, MemoryTeam, agreed, rounds_of
@@ -44,7 +42,6 @@ from decmcts.experiments.kinds import (
 from decmcts.experiments.prints import print_file
 from decmcts.experiments.teams import Given, bound_s, given, machine_for, planned, printing_s
 from decmcts.planning.compiling import PRINT, TEAM
-from decmcts.planning.events import unheard
 from decmcts.planning.launch import planned_by
 from decmcts.planning.options import Cut, Limits, Rules, TeamSearch
 from decmcts.planning.problem.source import Source, read
@@ -62,6 +59,9 @@ from sim.controllers.carry_out import carry_out
 from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.simulate import Simulation, events_of, simulate
 from sim.controllers.timing import no_error
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BED_MM = 400.0
 MADE = ("row-4-20-20", "row-6-15-25")
@@ -164,11 +164,9 @@ def log_until(simulation: Simulation, document: PlanDocument, head: int, time_s:
 
 def _source(key: Key, what: Given) -> Source:
     """Return the print as it is replanned: under the limits that the plan was made with."""
-    machine = what.problem.machine
     _, middle = machine_for(key, int(key["heads"]), BED_MM)
     with print_file(key, middle) as path:
-        source = read(path, machine, limits=Limits.MACHINE, report=unheard)
-    return replace(source, machine=machine)
+        return read(path, what.problem.machine, limits=Limits.MACHINE)
 
 
 def clairvoyant_s(document: PlanDocument, fails_s: float) -> float:

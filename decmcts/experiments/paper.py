@@ -16,10 +16,9 @@ import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from decmcts.experiments.kinds import (
     Asked,
@@ -43,6 +42,9 @@ from decmcts.planning.problem.print_problem import load
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.planners import PLANNERS, plan_order
 from decmcts.search.sequence.planner import Planner
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 USUAL = 1.4142  # the square root of 2
 AS_PUBLISHED = (USUAL, 0.5, 0.0)  # exploration, Γ, chance of the nearest cluster

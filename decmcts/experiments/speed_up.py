@@ -10,9 +10,7 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from decmcts.experiments.kinds import (
     Asked,
@@ -39,6 +37,9 @@ from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLUMNS = ["times as fast", "at most", "waits %", "done early %"]
 STEPS = 20_000  # of one head's annealing for each round of a team

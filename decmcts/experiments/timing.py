@@ -19,10 +19,9 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from decmcts.experiments.kinds import (
     Asked,
@@ -48,6 +47,9 @@ from sim.controllers.from_plan import programs_of_plan
 from sim.controllers.program import HeadProgram, StopKind, Stops
 from sim.controllers.simulate import Simulation, simulate
 from sim.controllers.timing import Timing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ERRORS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the time
 KINDS = (Timing.UNIFORM, Timing.DRIFT)

@@ -71,12 +71,11 @@ def boxed(points: Floats, offsets: Ints, radius: Floats) -> Centrelines:
     chunks = -(-(np.diff(offsets) - 1) // CHUNK)
     chunk_offsets = np.concatenate([[0], np.cumsum(chunks)]).astype(np.int64)
     place = np.arange(chunk_offsets[-1]) - np.repeat(chunk_offsets[:-1], chunks)
-    segments = np.empty((max(len(points) - 1, 0), 6))
-    segments[:, LOW] = np.minimum(points[:-1], points[1:])
-    segments[:, HIGH] = np.maximum(points[:-1], points[1:])
-    between = offsets[1:-1] - 1  # what leads from one polyline to the next is no segment
-    segments[between[:, None], LOW], segments[between[:, None], HIGH] = np.inf, -np.inf
-    chunk_boxes = boxes_of_runs(segments, np.repeat(offsets[:-1], chunks) + CHUNK * place)
+    starts = np.repeat(offsets[:-1], chunks) + CHUNK * place
+    ends = np.minimum(starts + CHUNK, np.repeat(offsets[1:] - 1, chunks))  # with the next begin
+    chunk_boxes = np.empty((len(starts), 6))
+    chunk_boxes[:, LOW] = np.minimum(np.minimum.reduceat(points, starts), points[ends])
+    chunk_boxes[:, HIGH] = np.maximum(np.maximum.reduceat(points, starts), points[ends])
     boxes = boxes_of_runs(chunk_boxes, chunk_offsets[:-1])
     return Centrelines(points, offsets, radius, boxes, chunk_offsets, chunk_boxes)
 

@@ -91,7 +91,11 @@ class Contours:
     @property
     def sources(self) -> Int32s:
         """Number of the source's contour that each is or is a piece of, (n,)."""
-        return np.arange(len(self), dtype=np.int32) if self.of is None else self.of
+        if self.of is not None:
+            return self.of
+        themselves = np.arange(len(self), dtype=np.int32)
+        themselves.setflags(write=False)  # as `of`: kernels are compiled for the one or the other
+        return themselves
 
     @property
     def start(self) -> Floats:

@@ -89,10 +89,10 @@ def _one_each(contours: Contours, loops: EnteredLoops, policy: SeamPolicy) -> In
     """Return the one vertex a policy names for each contour, (n,)."""
     vertices = np.zeros(len(contours), np.int32)
     if policy == "rear":
-        owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
-        y = np.where(loops.allowed, contours.points[:, 1], -np.inf)
-        first = contours.offsets[:-1]  # of each contour, here and in the sorted rows
-        return (np.lexsort((-y, owner))[first] - first).astype(np.int32)
+        y, first = np.where(loops.allowed, contours.points[:, 1], -np.inf), contours.offsets[:-1]
+        rearmost = np.repeat(np.maximum.reduceat(y, first), np.diff(contours.offsets))
+        rows = np.flatnonzero(y == rearmost)
+        return (rows[np.searchsorted(rows, first)] - first).astype(np.int32)
     sharpest(loops, contours.width, vertices)
     if policy == "aligned" and len(contours):
         order = np.argsort(contours.layer, kind="stable").astype(np.int64)

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
+from typing import TypeGuard
 
 import numpy as np
 
@@ -366,6 +367,14 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
 def _alike(stated: object, due: float | dict[str, int] | None) -> bool:
     if isinstance(due, dict):
         return stated == due
-    if due is None or isinstance(stated, bool) or not isinstance(stated, int | float):
-        return False
-    return due - TOLERANCE_S <= stated <= due + TOLERANCE_S  # not subtracted: an int may be huge
+    return due is not None and is_near(stated, due, TOLERANCE_S)
+
+
+def is_near(stated: object, due: float, within: float) -> bool:
+    """Tell whether a plan states a number that is what is due; an int of it may be huge."""
+    return is_number(stated) and due - within <= stated <= due + within
+
+
+def is_number(stated: object) -> TypeGuard[float]:
+    """Tell whether what a plan states is a number."""
+    return isinstance(stated, int | float) and not isinstance(stated, bool)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from decmcts.arrays import Flags, Ints
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.dialects.dialect import DWELL_MARKS
-from decmcts.formats.gcode.document import SILENT, Block
+from decmcts.formats.gcode.document import DESCRIBES, SILENT, Block, StateTable
 from decmcts.formats.gcode.text.lines import command_of
 from sim.faults import Fault, FaultKind, listed
 
@@ -168,6 +168,17 @@ def known_settings(document: GcodeDocument) -> frozenset[bytes]:
     used = np.unique(states.rows[:, kept]).tolist() if kept else []
     texts = [text for k in used for text in (states.values[k], states.leave[k])]
     return frozenset(codes_of("\n".join(texts).encode("utf-8", "surrogateescape")))
+
+
+def states_in_force(
+    table: StateTable, row: int, but: tuple[str, ...] = SILENT
+) -> set[tuple[str, str]]:
+    """Return slot and text of all that commands something in a state, `but` what begins so."""
+    return {
+        (slot, table.values[v])
+        for slot, v in zip(table.slots, table.rows[row].tolist(), strict=True)
+        if v and slot not in DESCRIBES and not slot.startswith(but)
+    }
 
 
 def sets_state(code: bytes) -> bool:

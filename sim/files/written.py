@@ -29,7 +29,6 @@ from decmcts.formats.gcode import (
     read_gcode,
     read_written,
 )
-from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
 from decmcts.formats.gcode.reading.reader import Ending
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.job import PrintJob
@@ -39,7 +38,7 @@ from sim.content.inventory import alike_of
 from sim.content.seams import Moved, seams_of_file
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.changes import Taken, as_taken
-from sim.files.commands import check_book, check_commands
+from sim.files.commands import check_book, check_commands, states_in_force
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.settings import TravelSettings, check_settings, settings_of, travelling
@@ -178,17 +177,6 @@ def _place(ending: Ending, place: tuple[float, float, float]) -> list[str]:
         return [f"the head comes down on the print at {at}, {ending.top:g} mm high"]
     highest = max(ending.top, place[2]) + OVER_MM
     return [f"the head is at {at}, above {highest:g} mm"] if at[2] > highest else []
-
-
-def states_in_force(
-    table: StateTable, row: int, but: tuple[str, ...] = SILENT
-) -> set[tuple[str, str]]:
-    """Return slot and text of all that commands something in a state, `but` what begins so."""
-    return {
-        (slot, table.values[v])
-        for slot, v in zip(table.slots, table.rows[row].tolist(), strict=True)
-        if v and slot not in DESCRIBES and not slot.startswith(but)
-    }
 
 
 def _check_text(

@@ -20,9 +20,8 @@ from decmcts.formats.gcode.document import StateTable
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.machine import USUAL_WORDS, SyncWords
-from sim.files.commands import PLAIN_MOVE, codes_of, not_plain
+from sim.files.commands import PLAIN_MOVE, codes_of, not_plain, states_in_force
 from sim.files.settings import settings_of
-from sim.files.written import states_in_force
 from sim.heads.heat import SELECTS, heat_of
 from sim.heads.sync import Reader, Sync
 

@@ -23,9 +23,9 @@ from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.content.arcs import check_arcs, turns_between, turns_of_print
 from sim.content.inventory import FEED_TOLERANCE_MM_S
 from sim.faults import Fault, FaultKind, listed
-from sim.files.commands import accepted, is_move, known_settings
+from sim.files.commands import accepted, is_move, known_settings, states_in_force
 from sim.files.extent import check_filament_feeds
-from sim.files.written import check_line_numbers, states_in_force
+from sim.files.written import check_line_numbers
 from sim.heads.changes import behind, belongs_to_bead
 from sim.heads.file import (
     SAME_MM,

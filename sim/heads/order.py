@@ -200,9 +200,8 @@ class _Order:
     def unplanned(self, h: int) -> Iterator[str]:
         """Yield the waits of one head's body that stand for no edge of the plan."""
         low, high = self.windows[h]
-        ends = max(self.walks[h].last, default=0)
         for sync in self.files[h].syncs:
-            if sync.signal or not self.parts[h].parked < sync.line < ends:
+            if sync.signal or not self.parts[h].parked < sync.line < self.lasts[h]:
                 continue
             g, signal = self.given[sync.number]
             if not signal.moving and signal.line < self.firsts[g]:

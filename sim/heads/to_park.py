@@ -21,6 +21,7 @@ from decmcts.print.contours import Contours, taken
 from decmcts.print.machine import Body, Head, Machine
 from decmcts.print.plan import NO_CONTOUR, PlanDocument
 from sim.faults import LIMIT, Fault, FaultKind, Verdict
+from sim.replay.bodies import around, near_boxes
 from sim.replay.material import find_contacts, place_of
 from sim.replay.shapes import Solid, as_material, beads_there, parts_of, separations_between
 
@@ -144,9 +145,9 @@ class _Replay:
         reach = self.machine.head_clearance_mm - ROUNDED_MM
         for mine, its in product(parts_of(head), parts_of(other)):
             a, b = mine.vertices(), its.vertices()
-            for i, j in _near(_around(swept, a), _around(others, b), reach):
-                ours, theirs = _solid(a, swept[i]), _solid(b, others[j])
-                if ours.touches(theirs) or ours.distance(theirs) < reach:
+            for i, near in near_boxes(around(swept, a), around(others, b), reach):
+                ours, theirs = _solid(a, swept[i]), [_solid(b, others[j]) for j in near]
+                if any(ours.touches(each) or ours.distance(each) < reach for each in theirs):
                     row = np.concatenate([swept[i, 0], swept[i, -1]])
                     return (
                         f"head {head.name} ({mine.name}) may come too near to head {other.name} "
@@ -196,23 +197,6 @@ class _Replay:
             ):  # fmt: skip
                 text = f"head {head.name} ({met.part}) meets what is printed at "
                 yield Fault(FaultKind.HEAD_MATERIAL, text + place_of(moves[met.move]))
-
-
-def _around(places: Floats, shape: Floats) -> tuple[Floats, Floats]:
-    """Return boxes round a shape whose tip is at these places, (n, k, 3): low and high, (n, 3)."""
-    return places.min(axis=1) + shape.min(axis=0), places.max(axis=1) + shape.max(axis=0)
-
-
-def _near(
-    ours: tuple[Floats, Floats], theirs: tuple[Floats, Floats], reach: float
-) -> Iterator[tuple[int, int]]:
-    """Yield which boxes come nearer to each other than `reach`."""
-    (low, high), (its_low, its_high) = ours, theirs
-    mine = (low - reach < its_high.max(axis=0)) & (its_low.min(axis=0) < high + reach)
-    for i in np.flatnonzero(mine.all(axis=1)).tolist():
-        near = (low[i] - reach < its_high) & (its_low < high[i] + reach)
-        for j in np.flatnonzero(near.all(axis=1)).tolist():
-            yield i, j
 
 
 def _solid(shape: Floats, places: Floats) -> Solid:

@@ -19,7 +19,7 @@ from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
 from decmcts.print.machine import Practice
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
 from sim.content.seams import Laid, laid_by
-from sim.files.written import states_in_force
+from sim.files.commands import states_in_force
 from sim.heads.file import (
     E_MM,
     FEED_MM_S,
@@ -76,7 +76,8 @@ class Walker:
         self.walk = Walk()
         self._kept = kept
         motion = file.motion  # as plain numbers, for what is asked of one move at a time, each (m,)
-        self._to, self._feed = motion.points[1:].tolist(), motion.feed.tolist()
+        self._to = [column.tolist() for column in motion.points[1:].T]  # x, y and z
+        self._feed = motion.feed.tolist()
         self._extrusion, self._line = motion.extrusion.tolist(), (motion.line + 1).tolist()
         self._state = file.track.at(motion.line).tolist()  # row of the states in force
         still = np.abs(np.diff(motion.points.T.copy(), axis=1)) < 1e-9
@@ -145,7 +146,7 @@ class Walker:
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
-            here, line = self._to[self.at], self._line[self.at]
+            here, line = [column[self.at] for column in self._to], self._line[self.at]
             if (
                 abs(here[0] - x) > SAME_MM
                 or abs(here[1] - y) > SAME_MM

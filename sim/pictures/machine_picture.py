@@ -60,10 +60,13 @@ def draw_machine(machine: Machine, path: Path | str) -> None:
 
 def _shapes(machine: Machine) -> list[list[int]]:
     """Return the heads of each shape, in the order of the first of each."""
-    found: dict[str, list[int]] = {}
+    found: dict[Any, list[int]] = {}
     for h, head in enumerate(machine.heads):
-        slices = [(s.height_mm, [np.asarray(p).tolist() for p in s.polygons]) for s in head.slices]
-        found.setdefault(repr((slices, head.bodies)), []).append(h)
+        slices = tuple(
+            (piece.height_mm, tuple(tuple(map(tuple, polygon)) for polygon in piece.polygons))
+            for piece in head.slices
+        )
+        found.setdefault((slices, head.bodies), []).append(h)
     return list(found.values())
 
 

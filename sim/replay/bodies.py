@@ -202,22 +202,31 @@ def path_gap(
     path: Floats, shape: Vertices, other: Floats, other_shape: Vertices, reach: float
 ) -> float:
     """Return the least distance of two swept shapes, as far as it is below `reach`."""
-    least, (mine, theirs) = np.inf, map(_segments, (path, other))
-    their_boxes = _grown(_boxes(theirs), other_shape, 0.0)
-    for segment, box in zip(mine, _grown(_boxes(mine), shape, 0.0), strict=True):
-        near = (their_boxes[:, :3] < box[3:] + reach) & (their_boxes[:, 3:] > box[:3] - reach)
-        for j in np.flatnonzero(near.all(axis=1)).tolist():
-            solid = Solid(swept_vertices(shape, *segment))
+    least, mine, theirs = np.inf, segments(path), segments(other)
+    for i, near in near_boxes(around(mine, shape), around(theirs, other_shape), reach):
+        solid = Solid(swept_vertices(shape, *mine[i]))
+        for j in near:
             least = min(least, solid.distance(Solid(swept_vertices(other_shape, *theirs[j]))))
             if least == 0.0:
                 return least
     return float(least)
 
 
-def _segments(path: Floats) -> Floats:
+def segments(path: Floats) -> Floats:
     """Return both ends of each segment of a path, (n, 2, 3); of one point a segment at it."""
     return np.stack([path[:-1], path[1:]] if len(path) > 1 else [path, path], axis=1)
 
 
-def _boxes(segments: Floats) -> Floats:
-    return np.hstack([segments.min(axis=1), segments.max(axis=1)])
+def around(places: Floats, shape: Vertices) -> Floats:
+    """Return boxes round a shape whose tip is at these places, (n, k, 3): low and high, (n, 6)."""
+    return _grown(np.hstack([places.min(axis=1), places.max(axis=1)]), shape, 0.0)
+
+
+def near_boxes(ours: Floats, theirs: Floats, reach: float) -> Iterator[tuple[int, list[int]]]:
+    """Yield each of our boxes that comes nearer than `reach` to some of theirs, with those."""
+    high, low = theirs[:, 3:].max(axis=0), theirs[:, :3].min(axis=0)
+    some = (ours[:, :3] - reach < high) & (low < ours[:, 3:] + reach)
+    for i in np.flatnonzero(some.all(axis=1)).tolist():
+        near = (ours[i, :3] - reach < theirs[:, 3:]) & (theirs[:, :3] < ours[i, 3:] + reach)
+        if found := np.flatnonzero(near.all(axis=1)).tolist():
+            yield i, found

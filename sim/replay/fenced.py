@@ -19,6 +19,7 @@ from decmcts.print.machine import Head, Machine, Point, line_of
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.content.paths import Legs
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.replay.bodies import segments
 from sim.replay.material import find_contacts
 from sim.replay.shapes import (
     Beads,
@@ -42,7 +43,7 @@ def check_fenced(document: PlanDocument) -> list[Fault]:
     met, within = list[str](), list[str]()
     for gone in (head for head in whole.heads if head.name in at):
         line = line_of(at[gone.name])
-        pieces = np.hstack([line[:-1], line[1:]] if len(line) > 1 else [line, line])
+        pieces = segments(line).reshape(-1, 6)
         for mine in document.machine.heads:
             moves = moves_of(given.get(mine.name), mine.park)[0]
             bad = np.flatnonzero(too_near(whole, mine, moves, gone, pieces))

@@ -129,11 +129,10 @@ def near_misses(
     grid, shape = raster.grid_over(low, high)
     _refuse_too_many(rows, grid, shape, max(capacity.cells, capacity.cells_each * len(rows)))
     moves = np.ascontiguousarray(moves, np.float64)
-    every = np.arange(len(moves))
     kept = _that_matter(moves, since, rows[:, 6], float(heights.min()))
     if not len(kept):
         return np.empty((0, 3), np.int64), 0
-    rows, order, upto = rows[kept], order[kept], np.searchsorted(since[kept], every, side="right")
+    rows, order, upto = rows[kept], order[kept], _there_at(moves, since[kept])
     entries = raster.count_entries(rows, grid, shape)
     found = np.empty((capacity.first, 3), np.int64)
     asked = asked_of(near, beads, order, parts, packed, margins)
@@ -152,10 +151,14 @@ def _that_matter(moves: Floats, since: Ints, tops: Floats, least: float) -> Ints
 
     A head that prints layer by layer never goes below the top of anything, so there are none.
     """
-    upto = np.searchsorted(since, np.arange(len(moves)), side="right")  # there at each move
-    lowest = raster.lowest_asked(moves, upto, tops, least)
+    lowest = raster.lowest_asked(moves, _there_at(moves, since), tops, least)
     there = np.flatnonzero(since < len(moves))
     return there[tops[there] > lowest[np.maximum(since[there], 0)]]
+
+
+def _there_at(moves: Floats, since: Ints) -> Ints:
+    """Return how many beads are there at each move, (m,); `since` never falls."""
+    return np.searchsorted(since, np.arange(len(moves)), side="right")
 
 
 def _refuse_too_many(rows: Floats, grid: Floats, shape: Ints, most: int) -> None:

@@ -15,7 +15,6 @@ Along a travel, whose feed the plan does not state, a point is passed as if at a
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TypeGuard
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
 from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
+from sim.content.pieces import is_near, is_number
 from sim.faults import Fault, FaultKind, listed
 from sim.replay.least import print_feed
 
@@ -111,21 +111,16 @@ def check_metrics(document: PlanDocument, all_actions: tuple[HeadActions, ...]) 
     lines, metrics = [], document.metrics
     for name, due in _figures(document, all_actions).items():
         stated, within = metrics.get(name, due), TIME_TOLERANCE_S + 1e-6 * abs(due)
-        # compared, not subtracted: an int may be huge
-        if not _is_number(stated) or not due - within <= stated <= due + within:
+        if not is_near(stated, due, within):
             lines.append(f"{name} is stated as {stated}, the actions have {due:.6g}")
     stated = metrics.get("travel_over_walls_mm")
     # of the whole file, which has more moves than the plan; of a kept source of its own travels
     if stated is not None and len(all_actions) == 1 and not metrics.get("kept_source"):
         due = over_walls_mm(document.contours, all_actions[0])
-        if not _is_number(stated) or not stated >= due * (1.0 - WALLS_SHARE) - WALLS_MM:
+        if not is_number(stated) or not stated >= due * (1.0 - WALLS_SHARE) - WALLS_MM:
             text = f"travel_over_walls_mm is stated as {stated}, the travels have {due:.6g}"
             lines.append(text)
     return listed(FaultKind.TIMES, lines)
-
-
-def _is_number(stated: object) -> TypeGuard[float]:
-    return isinstance(stated, int | float) and not isinstance(stated, bool)
 
 
 def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> dict[str, float]:

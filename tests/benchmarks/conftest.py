@@ -25,7 +25,12 @@ def _all_of_the_product() -> None:
 
 
 @pytest.fixture(autouse=True)
-def _the_product_stays_as_it_was(_all_of_the_product: None) -> Iterator[None]:
+def _the_product_stays_as_it_was(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Of the long tests, which search: importing all takes seconds."""
+    if request.node.get_closest_marker("long") is None:
+        yield
+        return
+    request.getfixturevalue("_all_of_the_product")
     before = named()
     yield
     after = named()

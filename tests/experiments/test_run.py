@@ -156,7 +156,7 @@ def test_every_run_has_a_key_of_its_own(name: str) -> None:
     assert all(set(key) == set(chosen.key) for key in chosen.keys(Asked()))
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_processes_end_with_a_call_that_fails(own: Path, tmp_path: Path) -> None:
     """Ctrl-C must not leave any behind."""
     import multiprocessing

@@ -184,7 +184,7 @@ def _fenced(given: Fields, machine: Machine) -> Fenced | None:
         return None
     table = given.table(_FENCED)
     table.only("machine", "at")
-    whole = machine_from_dict(table.need("machine"), where="fenced.machine", path=given.path)
+    whole = machine_from_dict(table.need("machine"), where=table.at("machine"), path=given.path)
     places = table.table("at")
     living = {head.name for head in machine.heads}
     known = [head.name for head in whole.heads if head.name not in living]

@@ -36,7 +36,7 @@ class WallRule:
     always: bool = False
     most_mm: float = np.inf  # of travel over outer walls, if there are ways round
     over: float = 0.0  # share by which a search takes a travel over walls to be longer
-    found: list[Detours] = field(default_factory=list)  # ways for no price; each loop is looked at
+    found: list[Detours] = field(default_factory=list)  # ways for no price, found once
 
     @staticmethod
     def of(problem: PrintProblem, sliced: FileTime | None) -> WallRule:

@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -85,8 +84,8 @@ class Relaxation:
         self.choices = choices_of(problem)
         points = points_of(self.choices.metric)
         first = self.choices.pairs[self.choices.offsets[:-1]]
-        enter = _boxes_of(points[self.choices.into], points[self.choices.into], first)
-        leave = _boxes_of(points[self.choices.out], points[self.choices.out], first)
+        ends = points[self.choices.into], points[self.choices.out]
+        enter, leave = (_boxes_of(each, each, first) for each in ends)
         words = _boxes_of(leave[:, :3], leave[:, 3:], np.arange(0, n, WORD))
         self.boxes = Boxes(enter, leave, words)
         self.rule, self.exclusive = _precedence(problem)
@@ -303,6 +302,8 @@ def _zoned(n: int, sets: list[tuple[float, Flags]]) -> Crossings:
 
 def _apart(problem: OrderProblem, gap: float) -> Ints:
     """Return groups of contours whose ends fall into squares of `gap` that touch, from above."""
+    from scipy.ndimage import label  # takes long to load
+
     xy = problem.ports()[:, :2]
     cells = ((xy - xy.min(axis=0)) // gap).astype(np.int64)
     occupied = np.zeros(cells.max(axis=0) + 1, np.bool_)

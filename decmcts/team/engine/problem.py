@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from decmcts.arrays import Flags, Floats, Int32s, Ints
 from decmcts.errors import InputError
@@ -219,6 +218,8 @@ MACROS = 120  # wanted pieces of one print
 
 def part_of(contours: Contours) -> Ints:
     """Return the part each contour belongs to, numbered from 0, (n,)."""
+    from scipy.ndimage import label  # takes long to load
+
     if not len(contours):
         return np.empty(0, np.int64)
     x, y = contours.points[:, 0].copy(), contours.points[:, 1].copy()
@@ -230,7 +231,7 @@ def part_of(contours: Contours) -> Ints:
     leaves[contours.offsets[1:-1] - 1] = False  # no segment: the next contour begins
     x, y = _samples(x[:-1][leaves], y[:-1][leaves], x[1:][leaves], y[1:][leaves])
     covered[_cells(x, low[0]), _cells(y, low[1])] = True
-    labels, _ = ndimage.label(covered, structure=np.ones((3, 3), np.int64))
+    labels, _ = label(covered, structure=np.ones((3, 3), np.int64))
     first = contours.offsets[:-1]
     return np.asarray(
         np.unique(labels[column[first], row[first]], return_inverse=True)[1], np.int64

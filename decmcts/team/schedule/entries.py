@@ -226,6 +226,7 @@ def _along(problem: OrderProblem, toolpath: Toolpath, park: Floats) -> Toolpath:
     points = np.concatenate([stop, ends[order], stop, stop, doors[possible], stop]).reshape(-1, 3)
     offsets = np.concatenate([[0, 1], 1 + np.cumsum(count), [2 + count.sum()]]).astype(np.int64)
     reversible = np.concatenate([[False], problem.reversible[order], [False]])
+    reversible.setflags(write=False)  # as the problem's own: kernels are compiled once
     rows = np.arange(k + 2, dtype=np.int32)
     is_reversed, entry_id = choose_visits(
         with_points(problem.metric(), points), rows, reversible, offsets

@@ -205,6 +205,6 @@ def _change_seconds(lines: Lines, motion: Motion) -> float:
         return 0.0  # a tool that keeps its filament loads nothing
     load = setting(lines.text, b"filament_load_time")
     unload = setting(lines.text, b"filament_unload_time")
-    used = motion.tool[motion.extrusion > 0]
+    used = motion.tool(motion.extrusion > 0)
     changes = int(np.count_nonzero(np.diff(used)))
     return changes * load + max(0, changes - 1) * unload

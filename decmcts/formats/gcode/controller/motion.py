@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,10 +60,9 @@ class Motion:
     arc: Int32s  # (m,) number in `arcs` of the arc a move is a chord of, or NO_ARC
     arcs: Arcs
 
-    @property
-    def tool(self) -> Ints:
-        """The tool in use at each move, (m,)."""
-        return np.asarray(self.modes[self.line, kernels.TOOL], np.int64)
+    def tool(self, moves: Any = slice(None)) -> Ints:
+        """Return the tool in use at each move, or at some of them."""
+        return np.asarray(self.modes[self.line[moves], kernels.TOOL], np.int64)
 
     @property
     def withdrawn(self) -> Flags:

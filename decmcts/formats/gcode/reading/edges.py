@@ -124,7 +124,10 @@ def _mark_first_layer(edge: Flags, parsed: Parsed) -> None:
     moves = np.flatnonzero(runs.contour >= 0)
     state, below = track.at(motion.line[moves]), runs.contour[moves] < later[0]
     first, rest = (
-        {tuple(row) for row in track.table.rows[np.unique(states)][:, fans].tolist()}
+        {
+            tuple(row)
+            for row in track.table.rows[np.flatnonzero(np.bincount(states))][:, fans].tolist()
+        }
         for states in (state[below], state[~below])
     )
     edge[later[0]] = first != rest

@@ -56,7 +56,7 @@ def gaps_of(parsed: Parsed) -> Gaps:
     motion, runs = parsed.motion, parsed.runs
     begin, end = runs.last[:-1] + 1, runs.first[1:]
     total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])  # pushed less pulled before moves
-    tool = motion.tool
+    tool = motion.tool()
     lowest = total[begin]
     if len(begin):
         pairs = np.stack([begin, end + 1], axis=1).ravel()
@@ -91,10 +91,10 @@ def deposits(motion: Motion, gaps: Gaps) -> Flags:
 def _left_by_changes(motion: Motion, gaps: Gaps) -> Flags:
     """Tell which of the gaps with a change of tools leave filament, in their order."""
     held: dict[int, float] = {}  # net of each tool since its last contour
-    found, tools = [], motion.tool
+    found = list[bool]()
     for k in np.flatnonzero(gaps.changes).tolist():
         span = slice(int(gaps.begin[k]), int(gaps.end[k]))
-        pushes = zip(tools[span].tolist(), motion.extrusion[span].tolist(), strict=True)
+        pushes = zip(motion.tool(span).tolist(), motion.extrusion[span].tolist(), strict=True)
         for tool, filament in pushes:
             held[tool] = held.get(tool, 0.0) + filament
         left = held.pop(int(gaps.tool[k]), 0.0)

@@ -129,7 +129,7 @@ class _GapMoves:
         across = np.hypot(delta[:, 0], delta[:, 1])
         return _GapMoves(
             gap & (runs.contour < 0), across < 1e-9, motion.extrusion < -1e-5,
-            motion.extrusion > 1e-5, across, motion.tool,
+            motion.extrusion > 1e-5, across, motion.tool(),
         )  # fmt: skip
 
 
@@ -145,7 +145,7 @@ def _retractions(parsed: Parsed, gaps: Gaps, moves: _GapMoves) -> dict[int, tupl
     habit, and no more may be pulled than the source does.
     """
     motion, runs = parsed.motion, parsed.runs
-    of_contour = motion.tool[runs.first]
+    of_contour = motion.tool(runs.first)
     found: dict[int, tuple[Retraction, int]] = {}
     for tool in np.unique(of_contour).tolist():
         own, made = (gaps.tool == tool) & ~gaps.changes, moves.tool == tool

@@ -189,7 +189,7 @@ def _motions_of(parsed: Parsed) -> Motions:
     return Motions(
         motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height,
         motion.placed[motion.line], motion.arc, motion.arcs,
-        motion.tool, motion.withdrawn,
+        motion.tool(), motion.withdrawn,
     )  # fmt: skip
 
 
@@ -229,7 +229,7 @@ def _contours(parsed: Parsed, blocks: Blocks, one_way: Flags) -> tuple[Contours,
     contours = Contours(
         points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
         height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
-        layer=beads.layer, tool=motion.tool[runs.first].astype(np.int16),
+        layer=beads.layer, tool=motion.tool(runs.first).astype(np.int16),
         reversible=reversible & ~blocks.tied & ~one_way,
         epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
     )  # fmt: skip

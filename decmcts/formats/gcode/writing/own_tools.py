@@ -241,9 +241,12 @@ def _pushed_before(job: PrintJob, moves: Motions, behind: Collection[int]) -> di
         mine = np.flatnonzero(job.contours.tool == tool)
         total = np.concatenate([[0.0], np.cumsum(np.where(tools == tool, moves.extrusion, 0.0))])
         laid = np.flatnonzero((of >= 0) & (tools == tool))
-        for c in np.intersect1d(mine[1:], list(behind)).tolist():
-            k = int(np.searchsorted(of[laid], c))  # contours are numbered in source order
-            found[c] = total[laid[k - 1] + 1 : laid[k] + 1]
+        wanted = np.intersect1d(mine[1:], list(behind))
+        k = np.searchsorted(of[laid], wanted)  # contours are numbered in source order
+        spans = zip(
+            wanted.tolist(), (laid[k - 1] + 1).tolist(), (laid[k] + 1).tolist(), strict=True
+        )
+        found |= {c: total[begin:end] for c, begin, end in spans}
     return found
 
 

@@ -85,9 +85,7 @@ class _Text:
     ) -> None:  # fmt: skip
         self.freed, self.document, self.tool, self.other = freed, document, tool, other
         self.states, self.heat_taken, self.start = _States(freed, other), heat_taken, document.start
-        self._own = partial(
-            own_lines, tool=tool, newline=document.newline, heat_taken=heat_taken
-        )  # fmt: skip
+        self._own = partial(own_lines, tool=tool, newline=document.newline, heat_taken=heat_taken)
         self.begins = int(freed.job.contours.epoch[first])
         self.own = np.flatnonzero(printed_with(freed.job.contours, other).tool == tool)
 
@@ -159,11 +157,13 @@ class _Text:
 
         Of another tool's that it prints for, and those of its own standby.
         """
+        standby = changes and block.end.tool != self.tool
+        of_other = not changes and block.begin.tool in self.other
+        if not (standby or of_other):
+            return block.text
         kept = []
         for row in block.text.splitlines(keepends=True):
             command = hot_end_command(command_of(row))
-            standby = changes and block.end.tool != self.tool
-            of_other = not changes and block.begin.tool in self.other
             if command is None or not (standby or (of_other and command.tool is None)):
                 kept.append(row)
         return b"".join(kept)
