@@ -121,3 +121,13 @@ def test_importing_loads_no_compiler() -> None:
     code = "import sys, decmcts; decmcts.InputError; print('numba' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "False"
+
+
+def test_a_command_begins_without_what_draws() -> None:
+    """Pictures and filters of images take as long to load as a third of all else."""
+    code = (
+        "import sys, decmcts.cli.run; "
+        "print([name for name in ('matplotlib', 'scipy.ndimage') if name in sys.modules])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
